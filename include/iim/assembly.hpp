@@ -1,0 +1,163 @@
+// Putting a tree together: parts by name, in any order; then checked and sorted once.
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/errors.hpp>
+#include <iim/subsystem.hpp>
+
+#include <map>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace iim {
+
+/// Where a part hangs: on a frame of another part, or on the world.
+template <class Scalar>
+struct Attachment {
+  std::string parent = "world";
+  Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of the coupling point in the parent's frame
+  Vector3<Scalar> p = Vector3<Scalar>::Zero();      ///< coupling point in the parent's frame [m]
+  int outlet = 0;                                   ///< which of the parent's frames, for parts that have several
+};
+
+/// The parts of a robot before they are a tree. S…: the types of subsystem that may occur.
+///
+/// Parts may come in any order, a parent after its children. `sorted` checks the whole and gives the parts depth
+/// first: every subtree contiguous, brothers in the order of adding. That is the order of q, q̇, q̈ and of B̂'s rows.
+template <class... S>
+class Assembly {
+public:
+  using Scalar = typename std::tuple_element_t<0, std::tuple<S...>>::Scalar;
+  using Part = std::variant<S...>;
+
+  struct NamedPart {
+    std::string name;
+    Attachment<Scalar> on;
+    Part part;
+    int parent = -1;  ///< index in the sorted list; set by sorted()
+  };
+  struct NamedFrame {
+    std::string name;
+    Attachment<Scalar> on;
+  };
+
+  /// Adds a subsystem. Throws ModelError if the name is empty, taken, or "world"; the rest is checked by `sorted`.
+  template <class T>
+    requires(std::same_as<T, S> || ...)
+  Assembly& add(const std::string& name, const Attachment<Scalar>& on, const T& part)
+  {
+    claim(name);
+    parts_.push_back({name, on, part});
+    return *this;
+  }
+
+  /// Names a frame fixed on a part: a contact or task point. Every part's name already names its own first frame.
+  Assembly& add_frame(const std::string& name, const Attachment<Scalar>& on)
+  {
+    claim(name);
+    named_frames_.push_back({name, on});
+    return *this;
+  }
+
+  /// Acceleration of free fall in world axes [m/s²]; (0, 0, −9.81) if not set.
+  Assembly& set_gravity(const Vector3<Scalar>& gravity)
+  {
+    if (!detail::all_finite(gravity)) {
+      throw ModelError("gravity must be finite, got " + detail::to_text(gravity));
+    }
+    gravity_ = gravity;
+    return *this;
+  }
+
+  const Vector3<Scalar>& gravity() const { return gravity_; }
+  const std::vector<NamedPart>& parts() const { return parts_; }
+  const std::vector<NamedFrame>& named_frames() const { return named_frames_; }
+
+  /// Parts depth first, each checked and prepared. Throws ModelError for a parent that does not exist, a loop, an
+  /// outlet that the parent does not have, a coupling that is no rotation, wrong parameters, or an empty assembly.
+  std::vector<NamedPart> sorted() const
+  {
+    if (parts_.empty()) { throw ModelError("the assembly has no parts"); }
+    std::map<std::string, int> index;
+    for (int k = 0; k < size(); ++k) { index[parts_[at(k)].name] = k; }
+
+    std::vector<std::vector<int>> children(parts_.size());
+    std::vector<int> roots;
+    for (int k = 0; k < size(); ++k) {
+      const NamedPart& part = parts_[at(k)];
+      check_attachment(part.name, part.on);
+      if (part.on.parent == "world") {
+        roots.push_back(k);
+      } else {
+        children[at(index.at(part.on.parent))].push_back(k);
+      }
+    }
+
+    std::vector<NamedPart> order;
+    std::vector<std::pair<int, int>> stack;  // part, sorted index of its parent; last in, first out
+    for (auto root = roots.rbegin(); root != roots.rend(); ++root) { stack.emplace_back(*root, -1); }
+    std::vector<char> reached(parts_.size(), 0);
+    while (!stack.empty()) {
+      const auto [k, parent] = stack.back();
+      stack.pop_back();
+      reached[at(k)] = 1;
+      order.push_back(parts_[at(k)]);
+      order.back().parent = parent;
+      std::visit([&](auto& s) { s.prepare("subsystem '" + order.back().name + "'"); }, order.back().part);
+      const int self = static_cast<int>(order.size()) - 1;
+      for (auto c = children[at(k)].rbegin(); c != children[at(k)].rend(); ++c) { stack.emplace_back(*c, self); }
+    }
+    for (int k = 0; k < size(); ++k) {
+      if (!reached[at(k)]) {
+        throw ModelError("subsystem '" + parts_[at(k)].name + "' hangs on a loop: its parents never reach the world");
+      }
+    }
+    for (const NamedFrame& frame : named_frames_) { check_attachment(frame.name, frame.on); }
+    return order;
+  }
+
+private:
+  static std::size_t at(int k) { return static_cast<std::size_t>(k); }
+  int size() const { return static_cast<int>(parts_.size()); }
+
+  void claim(const std::string& name)
+  {
+    if (name.empty() || name == "world") { throw ModelError("'" + name + "' cannot be the name of a part or frame"); }
+    if (!names_.emplace(name, 0).second) { throw ModelError("the name '" + name + "' is given twice"); }
+  }
+
+  void check_attachment(const std::string& name, const Attachment<Scalar>& on) const
+  {
+    if (on.parent != "world") {
+      const NamedPart* parent = nullptr;
+      for (const NamedPart& part : parts_) {
+        if (part.name == on.parent) { parent = &part; }
+      }
+      if (parent == nullptr) {
+        throw ModelError("'" + name + "' hangs on '" + on.parent + "', which does not exist");
+      }
+      const int outlets = std::visit([](const auto& s) { return std::remove_cvref_t<decltype(s)>::n_frames; }, parent->part);
+      if (on.outlet < 0 || on.outlet >= outlets) {
+        throw ModelError("'" + name + "' hangs on outlet " + std::to_string(on.outlet) + " of '" + on.parent +
+                         "', which has " + std::to_string(outlets));
+      }
+    }
+    if (!detail::all_finite(on.R) || !detail::all_finite(on.p)) {
+      throw ModelError("'" + name + "': the coupling point's placement must be finite, got R = " +
+                       detail::to_text(on.R) + ", p = " + detail::to_text(on.p));
+    }
+    const Matrix3<Scalar> error = on.R * on.R.transpose() - Matrix3<Scalar>::Identity();
+    if (!(detail::to_double(Scalar(error.squaredNorm())) < 1e-12) || !(on.R.determinant() > Scalar(0))) {
+      throw ModelError("'" + name + "': the coupling point's R must be a rotation, got " + detail::to_text(on.R));
+    }
+  }
+
+  std::vector<NamedPart> parts_;
+  std::vector<NamedFrame> named_frames_;
+  std::map<std::string, int> names_;
+  Vector3<Scalar> gravity_{Scalar(0), Scalar(0), Scalar(-9.81)};
+};
+
+}  // namespace iim

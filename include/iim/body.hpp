@@ -1,0 +1,117 @@
+// Rigid bodies: mass, centre of mass, inertia (A1), and what a tree keeps of them.
+#pragma once
+
+#include <iim/errors.hpp>
+#include <iim/spatial.hpp>
+
+#include <Eigen/Eigenvalues>
+
+#include <string>
+
+namespace iim {
+
+/// Where a frame sits in another one: x_outer = R x_inner + p.
+template <class Scalar_>
+struct Placement {
+  using Scalar = Scalar_;
+  Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
+  Vector3<Scalar> p = Vector3<Scalar>::Zero();  ///< [m]
+
+  Placement operator*(const Placement& inner) const { return {R * inner.R, R * inner.p + p}; }
+
+  template <class T>
+  Placement<T> cast() const
+  {
+    return {R.template cast<T>(), p.template cast<T>()};
+  }
+};
+
+/// A rigid body in the axes of the frame that carries it.
+template <class Scalar_>
+struct Body {
+  using Scalar = Scalar_;
+  Scalar mass = Scalar(0);                               ///< [kg]
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();         ///< centre of mass [m]
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();     ///< about the centre of mass [kg m²]
+
+  /// A part without inertia (the cross of a universal joint, a frame). Mass zero in any other body is an error.
+  static Body massless()
+  {
+    Body body;
+    body.is_massless = true;
+    return body;
+  }
+
+  bool is_massless = false;  ///< set by massless()
+
+  /// The same body in the axes of an outer frame.
+  Body placed(const Placement<Scalar>& at) const
+  {
+    Body body = *this;
+    body.com = at.R * com + at.p;
+    body.inertia = at.R * inertia * at.R.transpose();
+    return body;
+  }
+
+  template <class T>
+  Body<T> cast() const
+  {
+    return {T(mass), com.template cast<T>(), inertia.template cast<T>(), is_massless};
+  }
+};
+
+/// Mass, first moment m·c and inertia about the frame's origin: what is left of all bodies that one frame carries.
+template <class Scalar>
+struct FrameMass {
+  Scalar mass = Scalar(0);
+  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();
+  bool present = false;  ///< false: the frame carries nothing, and nothing is computed for it
+
+  void add(const Body<Scalar>& body)
+  {
+    if (body.is_massless) { return; }
+    const Matrix3<Scalar> c = skew(body.com);
+    mass += body.mass;
+    first_moment += body.mass * body.com;
+    inertia += body.inertia - body.mass * (c * c);
+    present = true;
+  }
+};
+
+/// Throws ModelError, naming `owner`, unless the body can exist: finite, mass > 0, inertia symmetric, without a
+/// negative principal moment, and no principal moment larger than the sum of the others.
+template <class Scalar>
+void validate(const Body<Scalar>& body, const std::string& owner)
+{
+  if (body.is_massless) { return; }
+  if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {
+    throw ModelError(owner + ": mass must be positive and finite, got " + detail::to_text(body.mass) +
+                     " kg (Body::massless() makes a part without inertia)");
+  }
+  if (!detail::all_finite(body.com)) {
+    throw ModelError(owner + ": centre of mass must be finite, got " + detail::to_text(body.com));
+  }
+  const Matrix3<Scalar>& I = body.inertia;
+  const std::string moments = ", got the rows " + detail::to_text(I);
+  if (!detail::all_finite(I)) { throw ModelError(owner + ": inertia must be finite" + moments); }
+  // Compared in double: a test of plausibility, not a computation that later results depend on.
+  Eigen::Matrix3d inertia;
+  for (Index i = 0; i < 3; ++i) {
+    for (Index j = 0; j < 3; ++j) { inertia(i, j) = detail::to_double(I(i, j)); }
+  }
+  const double scale = inertia.cwiseAbs().maxCoeff();
+  if (scale == 0.0) { return; }  // a point mass
+  inertia /= scale;
+  const double slack = 1e-6;
+  if ((inertia - inertia.transpose()).cwiseAbs().maxCoeff() > slack) {
+    throw ModelError(owner + ": inertia must be symmetric" + moments);
+  }
+  const Eigen::Vector3d moment = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  if (moment(0) < -slack) { throw ModelError(owner + ": inertia has a negative principal moment" + moments); }
+  if (moment(2) > (moment(0) + moment(1)) * (1 + slack) + slack) {
+    throw ModelError(owner + ": one principal moment of inertia exceeds the sum of the other two" + moments);
+  }
+}
+
+}  // namespace iim

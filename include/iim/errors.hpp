@@ -1,0 +1,79 @@
+// The exception of set-up, the statuses of the cycle, and how values are written into messages.
+#pragma once
+
+#include <iim/scalar.hpp>
+
+#include <Eigen/Core>
+
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+namespace iim {
+
+/// Thrown while a tree, its inputs or a file are being put together; the message names the item and the value.
+/// Nothing throws in the cycle.
+class ModelError : public std::invalid_argument {
+public:
+  using std::invalid_argument::invalid_argument;
+};
+
+/// How a computation in the cycle ended.
+enum class Status {
+  ok,
+  invalid_state,           ///< q, q̇ or u not finite, or a quaternion far from unit length; see subsystem()
+  not_positive_definite,   ///< M̄_R of the named subsystem is not positive definite in the Scalar's precision
+  not_finite               ///< overflow: the state was finite, a result is not
+};
+
+inline const char* to_string(Status status)
+{
+  switch (status) {
+    case Status::ok: return "ok";
+    case Status::invalid_state: return "invalid state";
+    case Status::not_positive_definite: return "not positive definite";
+    case Status::not_finite: return "not finite";
+  }
+  return "unknown";
+}
+
+namespace detail {
+
+template <class Scalar>
+std::string to_text(const Scalar& x)
+{
+  std::ostringstream text;
+  if constexpr (requires { text << x; }) {
+    text << x;
+  } else {
+    text << "(a value that cannot be printed)";
+  }
+  return text.str();
+}
+
+template <class Derived>
+std::string to_text(const Eigen::DenseBase<Derived>& m)
+{
+  std::string text = "(";
+  for (Eigen::Index i = 0; i < m.rows(); ++i) {
+    if (i > 0) { text += m.cols() > 1 ? "; " : ", "; }
+    for (Eigen::Index j = 0; j < m.cols(); ++j) {
+      if (j > 0) { text += ", "; }
+      text += to_text(typename Derived::Scalar(m.derived().coeff(i, j)));
+    }
+  }
+  return text + ")";
+}
+
+template <class Scalar>
+double to_double(const Scalar& x)
+{
+  if constexpr (requires { static_cast<double>(x); }) {
+    return static_cast<double>(x);
+  } else {
+    return to_double(x.value());  // automatic differentiation
+  }
+}
+
+}  // namespace detail
+}  // namespace iim

@@ -1,0 +1,198 @@
+// Which columns B̂ has: motor torques, forces and wrenches at points; in the user's order, switched at run time.
+#pragma once
+
+#include <iim/errors.hpp>
+#include <iim/spatial.hpp>
+#include <iim/tree.hpp>
+#include <iim/workspace.hpp>
+
+#include <string>
+#include <vector>
+
+namespace iim {
+
+enum class InputKind {
+  motor,  ///< the motors of one subsystem
+  force,  ///< force at a point, 3 columns (x, y, z) [N]
+  wrench  ///< force (3) [N] and moment (3) [N m] at a point, 6 columns
+};
+
+/// Axes in which a force or wrench is given.
+enum class Axes {
+  world,
+  body  ///< those of the frame that it acts on
+};
+
+/// One block of columns.
+template <class Scalar>
+struct Input {
+  InputKind kind;
+  std::string name;
+  Index size;        ///< number of columns
+  Index subsystem;   ///< that it acts on
+  Index frame = -1;  ///< that it acts on (force, wrench)
+  Vector3<Scalar> point = Vector3<Scalar>::Zero();  ///< in that frame [m] (force, wrench)
+  Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of a named frame on that frame, for Axes::body
+  Axes axes = Axes::world;
+  Index v = 0;           ///< first velocity of the subsystem (motor)
+  Index velocities = 0;  ///< how many (motor)
+  Index bbar = 0;        ///< place of its B̄ in Workspace::Bbar (motor)
+  bool active = true;
+};
+
+/// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
+/// does neither. Columns of inactive blocks do not exist: those after them move up.
+template <class Tree>
+class Inputs {
+public:
+  using Scalar = typename Tree::Scalar;
+  using Id = Index;  ///< number of a block, in the order of adding
+
+  /// Whether to begin with all motors of the tree, in the order of its subsystems.
+  enum class Start { all_motors, empty };
+
+  explicit Inputs(const Tree& tree, Start start = Start::all_motors) : tree_(&tree)
+  {
+    if (start == Start::all_motors) {
+      for (Index i = 0; i < tree.size(); ++i) {
+        if (motors_of(i).size > 0) { append(motors_of(i)); }
+      }
+    }
+  }
+
+  /// The motor inputs of one subsystem. Throws ModelError if it does not exist, has none, or is in already.
+  Id add_motor(const std::string& subsystem)
+  {
+    const Input<Scalar> input = motors_of(tree_->index(subsystem));
+    if (input.size == 0) { throw ModelError("subsystem '" + subsystem + "' has no motor"); }
+    for (const Input<Scalar>& other : blocks_) {
+      if (other.kind == InputKind::motor && other.subsystem == input.subsystem) {
+        throw ModelError("the motor of subsystem '" + subsystem + "' is an input already");
+      }
+    }
+    return append(input);
+  }
+
+  /// Force on the robot at a point of a named frame, 3 columns.
+  Id add_force(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  {
+    return append(at_point(InputKind::force, 3, frame, point, axes));
+  }
+
+  /// Force and moment on the robot at a point of a named frame, 6 columns (force, moment).
+  Id add_wrench(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  {
+    return append(at_point(InputKind::wrench, 6, frame, point, axes));
+  }
+
+  /// Switches a block of columns on or off.
+  void set_active(Id id, bool active)
+  {
+    assert(id >= 0 && id < blocks() && "no such input");
+    blocks_[static_cast<std::size_t>(id)].active = active;
+    count();
+  }
+
+  const Tree& tree() const { return *tree_; }
+  Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
+  Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
+  Index blocks() const { return static_cast<Index>(blocks_.size()); }
+  const Input<Scalar>& block(Id id) const { return blocks_[static_cast<std::size_t>(id)]; }
+
+  /// First column of a block in B̂; −1 while it is inactive.
+  Index column(Id id) const
+  {
+    Index column = 0;
+    for (Id k = 0; k < id; ++k) {
+      if (block(k).active) { column += block(k).size; }
+    }
+    return block(id).active ? column : -1;
+  }
+
+  /// Calls f(block, first column) for the active blocks in the order of columns.
+  template <class F>
+  void for_each_active(F&& f) const
+  {
+    Index column = 0;
+    for (const Input<Scalar>& input : blocks_) {
+      if (input.active) {
+        f(input, column);
+        column += input.size;
+      }
+    }
+  }
+
+private:
+  Input<Scalar> motors_of(Index i) const
+  {
+    Input<Scalar> input{InputKind::motor, tree_->name(i), 0, i};
+    tree_->visit(i, [&]<class N, class S>(const N& node, const S&) {
+      input.size = S::n_u;
+      input.v = node.v;
+      input.velocities = S::n_i;
+      input.bbar = node.bbar;
+    });
+    return input;
+  }
+
+  Input<Scalar> at_point(InputKind kind, Index size, const std::string& name, const Vector3<Scalar>& point, Axes axes) const
+  {
+    const FrameReference<Scalar>& frame = tree_->frame(name);
+    if (frame.frame < 0) { throw ModelError("frame '" + name + "' is fixed to the world: no force on it moves the robot"); }
+    if (!detail::all_finite(point)) {
+      throw ModelError("point on frame '" + name + "' must be finite, got " + detail::to_text(point));
+    }
+    Input<Scalar> input{kind, name, size, frame.subsystem, frame.frame};
+    input.point = frame.at.R * point + frame.at.p;
+    input.R = frame.at.R;
+    input.axes = axes;
+    return input;
+  }
+
+  Id append(const Input<Scalar>& input)
+  {
+    blocks_.push_back(input);
+    max_columns_ += input.size;
+    count();
+    return blocks() - 1;
+  }
+
+  void count()
+  {
+    columns_ = 0;
+    for (const Input<Scalar>& input : blocks_) { columns_ += input.active ? input.size : 0; }
+  }
+
+  const Tree* tree_;
+  std::vector<Input<Scalar>> blocks_;
+  Index columns_ = 0;
+  Index max_columns_ = 0;
+};
+
+namespace detail {
+
+/// Wrench, at the coupling point of the frame's subsystem, of a unit in column j of a force or wrench input.
+template <class Scalar>
+Vector6<Scalar> input_wrench(const Input<Scalar>& input, const FrameState<Scalar>& f, Index j)
+{
+  Vector3<Scalar> direction;
+  if (input.axes == Axes::world) {
+    direction.setZero();
+    direction(j % 3) = Scalar(1);
+  } else {
+    direction.noalias() = f.R * input.R.col(j % 3);
+  }
+  Vector6<Scalar> w;
+  if (j < 3) {
+    const Vector3<Scalar> x = f.r + f.R * input.point;
+    w.template head<3>() = direction;
+    w.template tail<3>() = x.cross(direction);
+  } else {
+    w.template head<3>().setZero();
+    w.template tail<3>() = direction;
+  }
+  return w;
+}
+
+}  // namespace detail
+}  // namespace iim

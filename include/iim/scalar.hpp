@@ -1,0 +1,78 @@
+// What the library asks of a Scalar beyond arithmetic and Eigen::NumTraits, and where to say it for a new one.
+//
+// sqrt, sin, cos are found by argument-dependent lookup. Decisions in the cycle are reduced to two questions, so that
+// a Scalar with several lanes can answer for all of them.
+#pragma once
+
+#include <Eigen/Core>
+
+#include <bit>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+
+namespace iim {
+
+/// Answers about a Scalar; specialise it for a type whose comparison does not give a bool.
+template <class Scalar>
+struct ScalarTraits {
+  /// x > 0; false for NaN.
+  static bool is_positive(const Scalar& x) { return x > Scalar(0); }
+
+  static bool is_finite(const Scalar& x)
+  {
+    using std::isfinite;
+    if constexpr (requires { isfinite(x); }) {
+      return static_cast<bool>(isfinite(x));
+    } else {
+      return x - x == Scalar(0);
+    }
+  }
+};
+
+/// The exponent's bits: an answer that -ffast-math cannot optimise away.
+template <>
+struct ScalarTraits<double> {
+  static bool is_positive(double x)
+  {
+    const auto bits = std::bit_cast<std::uint64_t>(x);
+    return bits - 1 < 0x7ff0000000000000u;
+  }
+  static bool is_finite(double x)
+  {
+    return (std::bit_cast<std::uint64_t>(x) & 0x7ff0000000000000u) != 0x7ff0000000000000u;
+  }
+};
+
+template <>
+struct ScalarTraits<float> {
+  static bool is_positive(float x)
+  {
+    const auto bits = std::bit_cast<std::uint32_t>(x);
+    return bits - 1 < 0x7f800000u;
+  }
+  static bool is_finite(float x) { return (std::bit_cast<std::uint32_t>(x) & 0x7f800000u) != 0x7f800000u; }
+};
+
+namespace detail {
+
+template <class Scalar>
+bool is_finite(const Scalar& x)
+{
+  return ScalarTraits<Scalar>::is_finite(x);
+}
+
+template <class Derived>
+bool all_finite(const Eigen::DenseBase<Derived>& m)
+{
+  bool finite = true;
+  for (Eigen::Index j = 0; j < m.cols(); ++j) {
+    for (Eigen::Index i = 0; i < m.rows(); ++i) {
+      finite &= ScalarTraits<typename Derived::Scalar>::is_finite(m.derived().coeff(i, j));
+    }
+  }
+  return finite;
+}
+
+}  // namespace detail
+}  // namespace iim

@@ -1,0 +1,140 @@
+// What a subsystem is: the contract between a mechanical part and the recursions.
+//
+// A subsystem hangs on its parent at a coupling point. The part of the parent that carries the coupling point is its
+// inlet; the rigid frames that the subsystem itself moves are its frames, and children hang on those. Everything is
+// written in axes parallel to the world and at the coupling point (DESIGN: own origins), so an author only says how
+// the frames move relative to the inlet and which bodies they carry; velocity and inertia terms follow from that:
+//
+//     twist of frame k at the coupling point      V_k = (v_o; ω_o) + S_k q̇_i
+//     M̄_i = Σ_b [1 S_b]ᵀ M_b [1 S_b]                                                     (A5)
+//     outlet at r from the coupling point         T_ip = [ X(r) [1 S_k] ; 0 ]             (8) with R_ip = 1
+//     F_i = (0; 0; 1)                                                                     (7)
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/spatial.hpp>
+
+#include <array>
+#include <concepts>
+#include <string>
+#include <type_traits>
+
+namespace iim {
+
+/// How one frame of a subsystem moves relative to the inlet; filled in by Subsystem::motion. World axes.
+template <class Scalar, int n_i>
+struct FrameMotion {
+  Matrix3<Scalar>& R;                    ///< frame to world
+  Vector3<Scalar>& r;                    ///< frame origin from the coupling point [m]
+  Eigen::Matrix<Scalar, 6, n_i>& S;      ///< twist of the frame at the coupling point, per q̇_i
+  Vector6<Scalar>& bias;                 ///< Ṡ q̇ for a resting inlet: acceleration of the frame's point that is
+                                         ///< at the coupling point now, for q̈ = 0
+};
+
+/// What `motion` leaves zero (and need not write): the recursions then leave out the work for it.
+struct MotionPattern {
+  bool linear = true;   ///< S has linear rows
+  bool angular = true;  ///< S has angular rows
+  bool offset = true;   ///< r is not zero
+  bool bias = true;     ///< bias is not zero
+};
+
+/// A body and the frame that carries it; frame −1 is the inlet (a motor housing on the parent's side).
+template <class Scalar>
+struct CarriedBody {
+  int frame = 0;
+  Body<Scalar> body;
+};
+
+/// An axisymmetric rotor that spins relative to its carrier at the rate ratio·q̇_i about `axis`.
+/// Its mass, and its inertia across the axis, are a CarriedBody; this is the inertia about the axis.
+template <class Scalar, int n_i>
+struct Rotor {
+  int frame = -1;                        ///< carrier; −1 is the inlet
+  Vector3<Scalar> axis;                  ///< unit vector in the carrier's axes
+  Scalar inertia;                        ///< about the axis [kg m²]
+  Eigen::Matrix<Scalar, 1, n_i> ratio;   ///< spin rate per q̇_i
+  bool coupled = true;                   ///< false: armature, inertia·ratioᵀratio on M̄_i's q̇ block and nothing else
+};
+
+/// Requirements on a subsystem. Sizes are compile-time constants, functions are const and do not allocate.
+template <class T>
+concept Subsystem = requires(const T s, T mutable_s, const Matrix3<typename T::Scalar> R,
+                             const Eigen::Matrix<typename T::Scalar, T::n_q, 1> q,
+                             const Eigen::Matrix<typename T::Scalar, T::n_i, 1> qd,
+                             std::array<FrameMotion<typename T::Scalar, T::n_i>, T::n_frames> frames,
+                             const std::string name) {
+  // Numbers of coordinates q_i, of internal velocities q̇_i, of own motor inputs, of moving frames (at least one).
+  requires T::n_q >= 0 && T::n_i >= 0 && T::n_u >= 0 && T::n_frames >= 1;
+  { T::pattern } -> std::convertible_to<MotionPattern>;
+  // Motion of all frames for the inlet's orientation R (inlet to world). False: no such configuration.
+  { s.motion(R, q, qd, frames) } -> std::same_as<bool>;
+  // A std::array of CarriedBody; constant.
+  { s.bodies()[0] } -> std::convertible_to<CarriedBody<typename T::Scalar>>;
+  // q̇ rows of B̄_i: generalised force on q̇_i per motor input, n_i × n_u.
+  { s.Bbar(q) } -> std::convertible_to<Eigen::Matrix<typename T::Scalar, T::n_i, T::n_u>>;
+  // Throws ModelError naming `name` if the parameters are wrong; may precompute. Called once, by the tree.
+  mutable_s.prepare(name);
+};
+
+// Optional members of a subsystem, and what holds without them.
+namespace detail {
+
+template <class S>
+using Coordinates = Eigen::Matrix<typename S::Scalar, S::n_q, 1>;
+template <class S>
+using Velocities = Eigen::Matrix<typename S::Scalar, S::n_i, 1>;
+
+/// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to
+/// the parent and W = S⁻¹ = Sᵀ; S must be orthogonal, and the reference point is the frame's origin.
+template <class S>
+constexpr bool is_free()
+{
+  if constexpr (requires { S::is_free; }) { return S::is_free; }
+  return false;
+}
+
+/// `rotors()`: std::array of Rotor.
+template <class S>
+constexpr int rotor_count()
+{
+  if constexpr (requires(const S s) { s.rotors(); }) {
+    return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().rotors())>>);
+  }
+  return 0;
+}
+
+/// `has_internal_force = true` and `internal_force(q, qd)`: springs, dampers, friction, n_i; on the left-hand side
+/// of (10) as the q̇ rows of h̄_i, so that a spring k q returns +k q.
+template <class S>
+constexpr bool has_internal_force()
+{
+  return requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
+}
+
+}  // namespace detail
+
+/// dq_i/dt for the velocities q̇_i: the same numbers, but for types whose coordinates are not integrals of them.
+template <Subsystem S>
+detail::Coordinates<S> coordinate_rate(const S& s, const detail::Coordinates<S>& q, const detail::Velocities<S>& qd)
+{
+  if constexpr (requires { s.coordinate_rate(q, qd); }) {
+    return s.coordinate_rate(q, qd);
+  } else {
+    static_assert(S::n_q == S::n_i, "a subsystem with n_q != n_i needs coordinate_rate(q, qd)");
+    return qd;
+  }
+}
+
+/// Coordinates at which the subsystem is in its reference position: zero, or a unit quaternion.
+template <Subsystem S>
+detail::Coordinates<S> neutral(const S& s)
+{
+  if constexpr (requires { s.neutral(); }) {
+    return s.neutral();
+  } else {
+    return detail::Coordinates<S>::Zero();
+  }
+}
+
+}  // namespace iim

@@ -1,0 +1,90 @@
+// Floating base: one body that moves freely.
+#pragma once
+
+#include <iim/errors.hpp>
+#include <iim/subsystem.hpp>
+
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace iim {
+
+/// A free rigid body. q: position (3) [m] in inlet axes, unit quaternion (x, y, z, w) body to inlet.
+/// q̇: velocity of the origin (3) [m/s] and angular velocity (3) [rad/s], both in the body's own axes; q̈ is the time
+/// derivative of these six numbers. No inputs of its own.
+///
+/// There is no guidance part (F = 1): M̄_i is the body's 6×6 inertia, and nothing passes on to what it hangs on.
+template <class Scalar_>
+struct FloatingBase {
+  using Scalar = Scalar_;
+  static constexpr int n_q = 7;
+  static constexpr int n_i = 6;
+  static constexpr int n_u = 0;
+  static constexpr int n_frames = 1;
+  static constexpr MotionPattern pattern{.offset = false};
+  static constexpr bool is_free = true;
+
+  Body<Scalar> body{};
+
+  void prepare(const std::string& name) { validate(body, name); }
+
+  /// False if the quaternion's length is off by more than 1e-3; smaller differences are divided out.
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 7, 1>& q, const Eigen::Matrix<Scalar, 6, 1>& qd,
+              std::array<FrameMotion<Scalar, 6>, 1>& frames) const
+  {
+    FrameMotion<Scalar, 6>& m = frames[0];
+    const Scalar& x = q(3);
+    const Scalar& y = q(4);
+    const Scalar& z = q(5);
+    const Scalar& w = q(6);
+    const Scalar length2 = x * x + y * y + z * z + w * w;
+    const Scalar s = Scalar(2) / length2;
+    Matrix3<Scalar> E;
+    E << Scalar(1) - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),  //
+        s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
+        s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
+    m.R.noalias() = R.lazyProduct(E);
+    m.S.setZero();
+    m.S.template topLeftCorner<3, 3>() = m.R;
+    m.S.template bottomRightCorner<3, 3>() = m.R;
+    // d(R v)/dt = R v̇ + R (ω × v)
+    m.bias.template head<3>().noalias() = m.R.lazyProduct(qd.template tail<3>().cross(qd.template head<3>()));
+    m.bias.template tail<3>().setZero();
+    return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
+           ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
+  }
+
+  std::array<CarriedBody<Scalar>, 1> bodies() const { return {{{0, body}}}; }
+
+  Eigen::Matrix<Scalar, 6, 0> Bbar(const Eigen::Matrix<Scalar, 7, 1>&) const { return {}; }
+
+  Eigen::Matrix<Scalar, 7, 1> neutral() const
+  {
+    Eigen::Matrix<Scalar, 7, 1> q = Eigen::Matrix<Scalar, 7, 1>::Zero();
+    q(6) = Scalar(1);
+    return q;
+  }
+
+  /// (E v ; ½ quaternion ∘ (ω, 0))
+  Eigen::Matrix<Scalar, 7, 1> coordinate_rate(const Eigen::Matrix<Scalar, 7, 1>& q,
+                                              const Eigen::Matrix<Scalar, 6, 1>& qd) const
+  {
+    const Eigen::Quaternion<Scalar> rotation(q(6), q(3), q(4), q(5));
+    const Eigen::Quaternion<Scalar> omega(Scalar(0), qd(3), qd(4), qd(5));
+    Eigen::Matrix<Scalar, 7, 1> rate;
+    rate.template head<3>() = rotation.toRotationMatrix() * qd.template head<3>();
+    rate.template tail<4>() = (rotation * omega).coeffs() / Scalar(2);
+    return rate;
+  }
+
+  template <class T>
+  FloatingBase<T> cast() const
+  {
+    return {body.template cast<T>()};
+  }
+};
+
+static_assert(Subsystem<FloatingBase<double>>);
+
+}  // namespace iim

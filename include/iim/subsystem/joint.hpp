@@ -1,0 +1,158 @@
+// Joints of a rigid link: how one frame moves relative to the inlet.
+#pragma once
+
+#include <iim/errors.hpp>
+#include <iim/subsystem.hpp>
+
+#include <cmath>
+#include <string>
+
+namespace iim {
+
+namespace detail {
+
+/// A unit vector that may be one of the coordinate axes, which makes turning about it cheap.
+template <class Scalar_>
+struct UnitAxis {
+  using Scalar = Scalar_;
+  Vector3<Scalar> direction;
+  int aligned = -1;  ///< 0, 1, 2: along that axis up to `sign`
+  Scalar sign = Scalar(1);
+
+  /// Throws ModelError naming `owner` unless |axis| is 1 within 1e-6; removes what is left of the difference.
+  UnitAxis(const Vector3<Scalar>& axis, const std::string& owner) : direction(axis)
+  {
+    using std::sqrt;
+    const Scalar norm = sqrt(axis.squaredNorm());
+    if (!all_finite(axis) || !(norm > Scalar(1 - 1e-6)) || !(norm < Scalar(1 + 1e-6))) {
+      throw ModelError(owner + ": axis must be a unit vector, got " + to_text(axis));
+    }
+    direction /= norm;
+    for (int k = 0; k < 3; ++k) {
+      if (axis((k + 1) % 3) == Scalar(0) && axis((k + 2) % 3) == Scalar(0)) {
+        aligned = k;
+        sign = axis(k) > Scalar(0) ? Scalar(1) : Scalar(-1);
+        direction.setZero();
+        direction(k) = sign;
+      }
+    }
+  }
+
+  /// R·direction.
+  Vector3<Scalar> in(const Matrix3<Scalar>& R) const
+  {
+    if (aligned >= 0) { return R.col(aligned) * sign; }
+    return R * direction;
+  }
+
+  /// turned = R·exp(angle·direction~), w = R·direction.
+  void turn(const Matrix3<Scalar>& R, const Vector3<Scalar>& w, const Scalar& angle, Matrix3<Scalar>& turned) const
+  {
+    using std::cos;
+    using std::sin;
+    const Scalar c = cos(angle);
+    const Scalar s = sin(angle);
+    if (aligned >= 0) {
+      const int i = aligned == 2 ? 0 : aligned + 1;
+      const int j = aligned == 0 ? 2 : aligned - 1;
+      const Scalar t = sign * s;
+      turned.col(aligned) = R.col(aligned);
+      turned.col(i) = c * R.col(i) + t * R.col(j);
+      turned.col(j) = c * R.col(j) - t * R.col(i);
+    } else {
+      // Rodrigues: c R + s R ã + (1 − c) w aᵀ
+      const Vector3<Scalar> d = direction - c * direction;
+      turned.noalias() = c * R + w * d.transpose();
+      for (int k = 0; k < 3; ++k) { turned.row(k) -= s * direction.cross(R.row(k).transpose()).transpose(); }
+    }
+  }
+};
+
+}  // namespace detail
+
+/// Rotation about an axis through the coupling point. q: angle [rad]; q̇: rate [rad/s].
+template <class Scalar_>
+struct Revolute {
+  using Scalar = Scalar_;
+  static constexpr int n_q = 1;
+  static constexpr int n_i = 1;
+  static constexpr MotionPattern pattern{.linear = false, .offset = false, .bias = false};
+
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes
+
+  void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
+
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
+              FrameMotion<Scalar, 1>& m) const
+  {
+    const Vector3<Scalar> w = unit_.in(R);
+    unit_.turn(R, w, q(0), m.R);
+    m.S.template tail<3>() = w;
+    return true;
+  }
+
+  template <class T>
+  Revolute<T> cast() const
+  {
+    return {axis.template cast<T>()};
+  }
+
+  detail::UnitAxis<Scalar> unit_{Vector3<Scalar>::UnitZ(), "axis"};  ///< from `axis`, by prepare
+};
+
+/// Translation along an axis. q: displacement [m]; q̇: rate [m/s].
+template <class Scalar_>
+struct Prismatic {
+  using Scalar = Scalar_;
+  static constexpr int n_q = 1;
+  static constexpr int n_i = 1;
+  static constexpr MotionPattern pattern{.angular = false, .bias = false};
+
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes
+
+  void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
+
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
+              FrameMotion<Scalar, 1>& m) const
+  {
+    const Vector3<Scalar> w = unit_.in(R);
+    m.R = R;
+    m.r = q(0) * w;
+    m.S.template head<3>() = w;
+    return true;
+  }
+
+  template <class T>
+  Prismatic<T> cast() const
+  {
+    return {axis.template cast<T>()};
+  }
+
+  detail::UnitAxis<Scalar> unit_{Vector3<Scalar>::UnitZ(), "axis"};  ///< from `axis`, by prepare
+};
+
+/// No motion.
+template <class Scalar_>
+struct Fixed {
+  using Scalar = Scalar_;
+  static constexpr int n_q = 0;
+  static constexpr int n_i = 0;
+  static constexpr MotionPattern pattern{.linear = false, .angular = false, .offset = false, .bias = false};
+
+  void prepare(const std::string&) {}
+
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 0, 1>&, const Eigen::Matrix<Scalar, 0, 1>&,
+              FrameMotion<Scalar, 0>& m) const
+  {
+    m.R = R;
+    return true;
+  }
+
+  template <class T>
+  Fixed<T> cast() const
+  {
+    return {};
+  }
+};
+
+}  // namespace iim

@@ -1,0 +1,118 @@
+// Motor-arm: a link, its gear, and the motor's rotor with its own axis.
+#pragma once
+
+#include <iim/subsystem/joint.hpp>
+#include <iim/subsystem/rigid_link.hpp>
+
+#include <array>
+#include <string>
+
+namespace iim {
+
+/// The motor of a MotorArm. The housing belongs to the parent's bodies; the rotor, wholly, to the MotorArm.
+template <class Scalar_>
+struct Motor {
+  using Scalar = Scalar_;
+  Scalar gear_ratio = Scalar(1);                         ///< rotor rate relative to the housing per joint rate
+  Scalar axial_inertia = Scalar(0);                      ///< rotor about its axis [kg m²]
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();       ///< rotor axis, unit vector in inlet axes
+  Scalar mass = Scalar(0);                               ///< of the rotor [kg]; zero: contained in the parent's body
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();         ///< of the rotor, on its axis, inlet axes [m]
+  Scalar transverse_inertia = Scalar(0);                 ///< rotor across its axis, about its centre [kg m²]
+  bool armature = false;  ///< true: gear_ratio²·axial_inertia on the joint and no other trace of the rotor's spin
+
+  template <class T>
+  Motor<T> cast() const
+  {
+    return {T(gear_ratio), T(axial_inertia), axis.template cast<T>(), T(mass), com.template cast<T>(),
+            T(transverse_inertia), armature};
+  }
+};
+
+/// Link and geared motor (the paper's motor-arm). q, q̇: of the joint. Input: torque of the motor on the rotor, so
+/// that B̄_i = (0; 0; gear_ratio).
+///
+/// The rotor is carried by the inlet and spins at gear_ratio·q̇ about its own axis a. With J its axial inertia it adds
+///     M̄_i += J gᵀg,   g = (0, aᵀ, gear_ratio);      h̄_i += (0; ω_o × J (a·ω_o + gear_ratio q̇) a; 0)
+/// and, if it has a mass of its own, that of a body on the inlet. The inertia J a aᵀ of the locked rotor is thus part
+/// of the MotorArm; a parent body that contains it already must give it up (`without_rotor`).
+template <class Joint>
+struct MotorArmOn {
+  using Scalar = typename Joint::Scalar;
+  static_assert(Joint::n_i == 1, "a MotorArm drives a joint with one velocity");
+  static constexpr int n_q = 1;
+  static constexpr int n_i = 1;
+  static constexpr int n_u = 1;
+  static constexpr int n_frames = 1;
+  static constexpr MotionPattern pattern = Joint::pattern;
+
+  Joint joint{};
+  Body<Scalar> body{};
+  Motor<Scalar> motor{};
+
+  void prepare(const std::string& name)
+  {
+    joint.prepare(name);
+    validate(body, name);
+    motor.axis = detail::UnitAxis<Scalar>(motor.axis, name + ": rotor").direction;
+    if (!detail::is_finite(motor.gear_ratio)) {
+      throw ModelError(name + ": gear ratio must be finite, got " + detail::to_text(motor.gear_ratio));
+    }
+    for (const Scalar& x : {motor.axial_inertia, motor.mass, motor.transverse_inertia}) {
+      if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
+        throw ModelError(name + ": rotor mass and inertias must not be negative, got " + detail::to_text(x));
+      }
+    }
+  }
+
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>& qd,
+              std::array<FrameMotion<Scalar, 1>, 1>& frames) const
+  {
+    return joint.motion(R, q, qd, frames[0]);
+  }
+
+  std::array<CarriedBody<Scalar>, 2> bodies() const
+  {
+    Body<Scalar> rotor = Body<Scalar>::massless();
+    if (motor.mass > Scalar(0)) {
+      rotor.is_massless = false;
+      rotor.mass = motor.mass;
+      rotor.com = motor.com;
+      rotor.inertia = motor.transverse_inertia *
+                      (Matrix3<Scalar>::Identity() - Matrix3<Scalar>(motor.axis * motor.axis.transpose()));
+    }
+    return {{{0, body}, {-1, rotor}}};
+  }
+
+  std::array<Rotor<Scalar, 1>, 1> rotors() const
+  {
+    return {{{-1, motor.axis, motor.axial_inertia, Eigen::Matrix<Scalar, 1, 1>(motor.gear_ratio), !motor.armature}}};
+  }
+
+  Eigen::Matrix<Scalar, 1, 1> Bbar(const Eigen::Matrix<Scalar, 1, 1>&) const
+  {
+    return Eigen::Matrix<Scalar, 1, 1>(motor.gear_ratio);
+  }
+
+  template <class T>
+  auto cast() const
+  {
+    return MotorArmOn<decltype(joint.template cast<T>())>{joint.template cast<T>(), body.template cast<T>(),
+                                                          motor.template cast<T>()};
+  }
+};
+
+template <class Scalar> using MotorArm = MotorArmOn<Revolute<Scalar>>;
+template <class Scalar> using LinearMotorArm = MotorArmOn<Prismatic<Scalar>>;
+
+static_assert(Subsystem<MotorArm<double>>);
+
+/// `body` less the axial inertia of a rotor on it that is going to be modelled by a MotorArm.
+template <class Scalar>
+Body<Scalar> without_rotor(Body<Scalar> body, const Motor<Scalar>& motor)
+{
+  body.inertia -= motor.axial_inertia * (motor.axis * motor.axis.transpose());
+  return body;
+}
+
+}  // namespace iim

@@ -1,0 +1,121 @@
+// What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
+#pragma once
+
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/tree.hpp>
+
+#include <array>
+#include <limits>
+#include <vector>
+
+namespace iim {
+
+/// How M̄* is reduced from a subsystem to its parent: the same mathematics, different errors and cost.
+enum class Update {
+  printed,    ///< A' = A − U W, as (14) and (16) have it: the error grows with the length of the chain
+  projected,  ///< A' as a sum of congruences Σ P_bᵀ I_b P_b: a few roundings whatever the length
+};
+
+/// State of one frame. World axes; at the coupling point of the subsystem that moves the frame.
+template <class Scalar>
+struct FrameState {
+  Matrix3<Scalar> R;            ///< frame to world
+  Vector3<Scalar> r;            ///< frame origin from the coupling point [m]
+  Vector3<Scalar> omega;        ///< angular velocity [rad/s]
+  Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
+  SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
+  Vector6<Scalar> h;            ///< bias wrench of the same
+  Vector6<Scalar> Vdot;         ///< acceleration
+};
+
+/// What one subsystem keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
+template <class S>
+struct NodeState {
+  using Scalar = typename S::Scalar;
+  static constexpr int n_i = S::n_i;
+
+  std::array<Eigen::Matrix<Scalar, 6, n_i>, S::n_frames> S_k;  ///< twist of frame k per q̇_i, at the coupling point
+  Matrix3<Scalar> R;                                           ///< inlet to world
+  Vector3<Scalar> r;                                 ///< coupling point from the parent's coupling point, r_pi [m]
+  Vector3<Scalar> c;                                 ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
+  Eigen::Matrix<Scalar, 6, n_i> U;                   ///< guidance–q̇ block of M̄*
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR;             ///< D = M̄_R (17)
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;    ///< C, upper triangular, with M̄_R⁻¹ = C Cᵀ
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;         ///< M̄_R⁻¹
+  Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0)
+  Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
+  Eigen::Matrix<Scalar, n_i, 1> psi;                 ///< M̄_R⁻¹ (F_iᵀ h̄*)
+};
+
+/// Intermediates of the O(n) pass over one tree. Construction allocates; nothing after it does.
+/// One per thread; the tree may be shared.
+template <class TreeType, Update update_ = Update::projected>
+class Workspace {
+public:
+  using Tree = TreeType;
+  using Scalar = typename Tree::Scalar;
+  static constexpr Update update = update_;
+
+  explicit Workspace(const Tree& tree)
+      : tree_(&tree), nodes_(tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()),
+        load_(tree.n_v()), Bbar_(tree.n_bbar())
+  {
+    qdd_.setZero();
+    load_.setZero();
+    Bbar_.setZero();
+    tree.outward([&]<class N, class S>(const N& node, const S&) {
+      // What a motion pattern declares zero is written here, once.
+      NodeState<S>& state = this->node<S>(node);
+      for (int k = 0; k < S::n_frames; ++k) {
+        state.S_k[static_cast<std::size_t>(k)].setZero();
+        FrameState<Scalar>& f = frame(node.frame + k);
+        f.R.setIdentity();
+        f.r.setZero();
+        f.omega.setZero();
+        f.bias.setZero();
+        f.h.setZero();
+        f.Vdot.setZero();
+        f.A.set_zero();
+      }
+      state.c.setZero();
+      state.r.setZero();
+      state.R.setIdentity();
+    });
+  }
+
+  const Tree& tree() const { return *tree_; }
+
+  template <class S, class N>
+  NodeState<S>& node(const N& node)
+  {
+    return nodes_.template at<S>(node);
+  }
+  template <class S, class N>
+  const NodeState<S>& node(const N& node) const
+  {
+    return nodes_.template at<S>(node);
+  }
+
+  FrameState<Scalar>& frame(Index f) { return frames_[static_cast<std::size_t>(f)]; }
+  const FrameState<Scalar>& frame(Index f) const { return frames_[static_cast<std::size_t>(f)]; }
+
+  VectorX<Scalar>& qdd() { return qdd_; }
+  const VectorX<Scalar>& qdd() const { return qdd_; }
+  VectorX<Scalar>& load() { return load_; }  ///< generalised forces Bu on the velocities themselves
+  VectorX<Scalar>& Bbar() { return Bbar_; }  ///< the q̇ rows of all B̄_i, column by column (Node::bbar)
+  const VectorX<Scalar>& Bbar() const { return Bbar_; }
+
+private:
+  const Tree* tree_;
+  typename Tree::template Storage<NodeState> nodes_;
+  std::vector<FrameState<Scalar>> frames_;
+  VectorX<Scalar> qdd_;
+  VectorX<Scalar> load_;
+  VectorX<Scalar> Bbar_;
+};
+
+template <class TreeType>
+Workspace(const TreeType&) -> Workspace<TreeType>;
+
+}  // namespace iim
