@@ -8,6 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 namespace iim {
 
@@ -40,6 +41,7 @@ inline const char* to_string(Status status)
 namespace detail {
 
 template <class Scalar>
+  requires(!std::is_base_of_v<Eigen::DenseBase<Scalar>, Scalar>)
 std::string to_text(const Scalar& x)
 {
   std::ostringstream text;
