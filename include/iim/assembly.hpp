@@ -75,6 +75,22 @@ public:
   const std::vector<NamedPart>& parts() const { return parts_; }
   const std::vector<NamedFrame>& named_frames() const { return named_frames_; }
 
+  /// The same robot with another Scalar; every type of subsystem must have cast<T>().
+  template <class T>
+  auto cast() const
+  {
+    Assembly<decltype(std::declval<const S&>().template cast<T>())...> other;
+    other.set_gravity(gravity_.template cast<T>());
+    const auto cast_attachment = [](const Attachment<Scalar>& on) {
+      return Attachment<T>{on.parent, on.R.template cast<T>(), on.p.template cast<T>(), on.outlet};
+    };
+    for (const NamedPart& part : parts_) {
+      std::visit([&](const auto& s) { other.add(part.name, cast_attachment(part.on), s.template cast<T>()); }, part.part);
+    }
+    for (const NamedFrame& frame : named_frames_) { other.add_frame(frame.name, cast_attachment(frame.on)); }
+    return other;
+  }
+
   /// Parts depth first, each checked and prepared. Throws ModelError for a parent that does not exist, a loop, an
   /// outlet that the parent does not have, a coupling that is no rotation, wrong parameters, or an empty assembly.
   std::vector<NamedPart> sorted() const
