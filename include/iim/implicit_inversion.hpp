@@ -18,6 +18,9 @@
 #include <iim/spatial.hpp>
 #include <iim/workspace.hpp>
 
+#include <algorithm>
+#include <array>
+#include <type_traits>
 #include <vector>
 
 namespace iim {
@@ -29,11 +32,18 @@ public:
   using Scalar = typename Tree::Scalar;
 
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), inputs_(&inputs), L_(tree.n_v(), tree.max_path_v()),
-        beta_(tree.max_path_v(), inputs.max_columns()), result_(tree.n_v(), inputs.max_columns())
+      : tree_(&tree), inputs_(&inputs), depth_(padded(tree.max_path_v())), rows_(padded(tree.n_v()) + lanes),
+        L_(rows_, depth_), L_rows_(depth_, tree.n_v()), beta_(depth_, inputs.max_columns()),
+        acting_(static_cast<std::size_t>(tree.size())), columns_(static_cast<std::size_t>(inputs.max_columns())),
+        result_(tree.n_v(), inputs.max_columns())
   {
+    L_.setZero();
+    beta_.setZero();
+    for (Index id = 0; id < inputs.blocks(); ++id) {
+      acting_[static_cast<std::size_t>(inputs.block(id).subsystem)].push_back(id);
+    }
     assign_buffers();
-    columns_at_.resize(static_cast<std::size_t>(tree.size()));
+    find_limbs();
   }
 
   /// Steps 2 and 3 of Algorithm 1 for the inputs that are active now. No allocation, no exception.
@@ -41,17 +51,32 @@ public:
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
   {
     const Index m = inputs_->columns();
-    assert(inputs_->max_columns() <= beta_.cols() && "inputs were added after the method was made");
+    assert(inputs_->max_columns() == beta_.cols() && "inputs were added after the method was made");
     if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
+    number_columns();
     outward(fd.workspace());
-    multiply();
+    multiply(m);
     const bool finite = detail::all_finite(result_.Bhat(m));
     return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 
 private:
-  using Columns = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
+  /// Columns or rows that one step of a loop treats: what a vector register or two hold, or one for other Scalars.
+  static constexpr int lanes = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
+  using Lanes = Eigen::Array<Scalar, lanes, 1>;
+  using LanesMap = Eigen::Map<Lanes>;
+  using ConstLanesMap = Eigen::Map<const Lanes>;
+  using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
+
+  static Index padded(Index size) { return (size + lanes - 1) / lanes * lanes; }
+
+  /// An unbranched run of subsystems: its path positions, and the rows of its subtree.
+  struct Limb {
+    Index parent;           ///< limb that it hangs on; −1: none
+    Index begin, end;       ///< path positions of its own velocities
+    Index v_begin, v_end;   ///< rows of its subtree
+  };
 
   /// Every frame's H lives until the last of its children is done; the last child may write over it.
   void assign_buffers()
@@ -72,7 +97,7 @@ private:
     };
     for (const Node& node : tree_->nodes()) {
       const Index end = node.index + 1 < tree_->size() ? tree_->node(node.index + 1).frame : tree_->n_frames();
-      // The inlet is read column by column before the first frame writes the same column: the buffer may be the same.
+      // The inlet is read lane by lane before the first frame writes the same lanes: the buffer may be the same.
       if (node.inlet >= 0 && last_use[static_cast<std::size_t>(node.inlet)] == node.index) {
         free.push_back(buffer_of_[static_cast<std::size_t>(node.inlet)]);
       }
@@ -81,106 +106,200 @@ private:
         if (last_use[static_cast<std::size_t>(f)] < 0) { free.push_back(buffer_of_[static_cast<std::size_t>(f)]); }
       }
     }
-    buffers_.assign(static_cast<std::size_t>(count), Columns(tree_->max_path_v(), 6));
+    buffers_.assign(static_cast<std::size_t>(count), Buffer::Zero(depth_, 6));
   }
 
-  Columns& H(Index frame) { return buffers_[static_cast<std::size_t>(buffer_of_[static_cast<std::size_t>(frame)])]; }
+  void find_limbs()
+  {
+    const auto children = [&](Index i) {
+      Index count = 0;
+      for (const Node& node : tree_->nodes()) { count += node.parent == i; }
+      return count;
+    };
+    path_end_.resize(static_cast<std::size_t>(tree_->n_v()));
+    for (const Node& node : tree_->nodes()) {
+      const Index own = (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
+      if (node.parent >= 0 && children(node.parent) == 1) {
+        limb_of_.push_back(limb_of_[static_cast<std::size_t>(node.parent)]);
+        limbs_[static_cast<std::size_t>(limb_of_.back())].end += own;
+      } else {
+        const Index parent = node.parent < 0 ? -1 : limb_of_[static_cast<std::size_t>(node.parent)];
+        limb_of_.push_back(static_cast<Index>(limbs_.size()));
+        limbs_.push_back({parent, node.path_v, node.path_v + own, node.v, node.v_end});
+      }
+      for (Index d = 0; d < own; ++d) { path_end_[static_cast<std::size_t>(node.v + d)] = node.path_v + own; }
+    }
+  }
+
+  Scalar* H(Index frame) { return buffers_[static_cast<std::size_t>(buffer_of_[static_cast<std::size_t>(frame)])].data(); }
+
+  void number_columns()
+  {
+    Index column = 0;
+    for (Index id = 0; id < inputs_->blocks(); ++id) {
+      const Input<Scalar>& input = inputs_->block(id);
+      if (!input.active) { continue; }
+      for (Index j = 0; j < input.size; ++j) {
+        columns_[static_cast<std::size_t>(column + j)] = {limb_of_[static_cast<std::size_t>(input.subsystem)], 0};
+      }
+      column_of_[static_cast<std::size_t>(id)] = column;
+      column += input.size;
+    }
+  }
 
   /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
   template <class Workspace>
   void outward(const Workspace& ws)
   {
-    for (auto& columns : columns_at_) { columns.clear(); }
-    inputs_->for_each_active([&](const Input<Scalar>& input, Index column) {
-      columns_at_[static_cast<std::size_t>(input.subsystem)].push_back({&input, column});
-    });
     tree_->outward([&]<class N, class S>(const N& node, const S&) {
-      constexpr int n_i = S::n_i;
       const NodeState<S>& state = ws.template node<S>(node);
-      for (Index a = 0; a < node.path_v; ++a) {
-        const Columns& inlet = H(node.inlet);
-        Vector6<Scalar> y = shift_twist<Scalar>(state.r, inlet.row(a).transpose());
-        if constexpr (detail::is_free<S>()) { y.setZero(); }
-        Eigen::Matrix<Scalar, n_i, 1> l;
-        if constexpr (n_i > 0) {
-          l.noalias() = -(state.W.lazyProduct(y));
-          for (int d = 0; d < n_i; ++d) { L_(node.v + d, a) = l(d); }
-        }
-        for (int k = 0; k < S::n_frames; ++k) {
-          Vector6<Scalar> h = y;
-          if constexpr (n_i > 0 && S::pattern.linear) {
-            h.template head<3>() += state.S_k[static_cast<std::size_t>(k)].template topRows<3>() * l;
-          }
-          if constexpr (n_i > 0 && S::pattern.angular) {
-            h.template tail<3>() += state.S_k[static_cast<std::size_t>(k)].template bottomRows<3>() * l;
-          }
-          H(node.frame + k).row(a) = h.transpose();
-        }
+      if constexpr (!detail::is_free<S>()) {
+        for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
       }
-      if constexpr (n_i > 0) {
-        const auto& C = state.MbarR_inv_root;
-        L_.template block<n_i, n_i>(node.v, node.path_v) = C;
-        for (int k = 0; k < S::n_frames; ++k) {
-          H(node.frame + k).template middleRows<n_i>(node.path_v).noalias() =
-              (state.S_k[static_cast<std::size_t>(k)] * C).transpose();
-        }
-      }
-      for (const Column& at : columns_at_[static_cast<std::size_t>(node.index)]) {
-        project_input(ws, *at.input, at.column, node.path_v + n_i, n_i);
+      if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
+      for (const Index id : acting_[static_cast<std::size_t>(node.index)]) {
+        const Input<Scalar>& input = inputs_->block(id);
+        if (input.active) { project_input(ws, input, column_of_[static_cast<std::size_t>(id)], node.path_v + S::n_i, S::n_i); }
       }
     });
   }
 
-  /// β = Lᵀ B̄ (motors) or Hᵀ w (points) in path positions 0 … depth.
-  template <class Workspace>
-  void project_input(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth, Index n_i)
+  /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
+  template <class S, class N>
+  void propagate(const N& node, const NodeState<S>& state, Index a)
   {
-    for (Index j = 0; j < input.size; ++j) {
-      auto beta = beta_.col(column + j).head(depth);
-      if (input.kind == InputKind::motor) {
-        beta.setZero();
-        for (Index d = 0; d < n_i; ++d) {
-          beta += L_.row(input.v + d).head(depth).transpose() * ws.Bbar()(input.bbar + j * n_i + d);
+    constexpr int n_i = S::n_i;
+    const Scalar* inlet = H(node.inlet) + a;
+    std::array<Lanes, 6> y;
+    for (int c = 0; c < 6; ++c) { y[at(c)] = ConstLanesMap(inlet + c * depth_); }
+    y[0] += y[4] * state.r(2) - y[5] * state.r(1);
+    y[1] += y[5] * state.r(0) - y[3] * state.r(2);
+    y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+
+    std::array<Lanes, n_i> l;
+    for (int d = 0; d < n_i; ++d) {
+      l[at(d)] = -state.W(d, 0) * y[0];
+      for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
+      LanesMap(L_rows_.data() + (node.v + d) * depth_ + a) = l[at(d)];
+      const Index count = std::min<Index>(lanes, node.path_v - a);
+      for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
+    }
+    for (int k = 0; k < S::n_frames; ++k) {
+      Scalar* frame = H(node.frame + k) + a;
+      for (int c = 0; c < 6; ++c) {
+        Lanes h = y[at(c)];
+        if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+          for (int d = 0; d < n_i; ++d) { h += state.S_k[at(k)](c, d) * l[at(d)]; }
         }
-      } else {
-        const Vector6<Scalar> w = detail::input_wrench(input, ws.frame(input.frame), j);
-        beta.noalias() = H(input.frame).topRows(depth).lazyProduct(w);
+        LanesMap(frame + c * depth_) = h;
       }
     }
   }
 
-  /// Step 3: B̂ = L β, each path position reaching the rows of the subtree that shares it.
-  void multiply()
+  /// Columns of the subsystem's own velocities: L(:, i) = C, H_k(:, i) = S_k C.
+  template <class S, class N>
+  void begin_columns(const N& node, const NodeState<S>& state)
   {
-    auto Bhat = result_.Bhat(inputs_->columns());
+    constexpr int n_i = S::n_i;
+    const auto& C = state.MbarR_inv_root;
+    for (int d = 0; d < n_i; ++d) {
+      for (int e = 0; e < n_i; ++e) {
+        L_(node.v + e, node.path_v + d) = C(e, d);
+        L_rows_(node.path_v + d, node.v + e) = C(e, d);
+      }
+    }
+    for (int k = 0; k < S::n_frames; ++k) {
+      Scalar* frame = H(node.frame + k) + node.path_v;
+      for (int d = 0; d < n_i; ++d) {
+        for (int c = 0; c < 6; ++c) {
+          Scalar h = Scalar(0);
+          if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+            for (int e = 0; e <= d; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
+          }
+          frame[c * depth_ + d] = h;
+        }
+      }
+    }
+  }
+
+  /// β = Lᵀ B̄ (motors) or Hᵀ w (points) in path positions 0 … depth; zero from there to the end of the limb.
+  template <class Workspace>
+  void project_input(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth, Index n_i)
+  {
+    for (Index j = 0; j < input.size; ++j) {
+      Scalar* beta = beta_.data() + (column + j) * depth_;
+      if (input.kind == InputKind::motor) {
+        for (Index a = 0; a < depth; a += lanes) {
+          Lanes sum = Lanes::Zero();
+          for (Index d = 0; d < n_i; ++d) {
+            sum += ConstLanesMap(L_rows_.data() + (input.v + d) * depth_ + a) * ws.Bbar()(input.bbar + j * n_i + d);
+          }
+          LanesMap(beta + a) = sum;
+        }
+      } else {
+        const Vector6<Scalar> w = detail::input_wrench(input, ws.frame(input.frame), j);
+        const Scalar* h = H(input.frame);
+        for (Index a = 0; a < depth; a += lanes) {
+          Lanes sum = ConstLanesMap(h + a) * w(0);
+          for (int c = 1; c < 6; ++c) { sum += ConstLanesMap(h + c * depth_ + a) * w(c); }
+          LanesMap(beta + a) = sum;
+        }
+      }
+      columns_[static_cast<std::size_t>(column + j)].depth = depth;
+    }
+  }
+
+  /// Step 3: B̂ = L β, limb by limb: the path positions of a limb reach the rows of its subtree.
+  void multiply(Index m)
+  {
+    auto Bhat = result_.Bhat(m);
     Bhat.setZero();
-    inputs_->for_each_active([&](const Input<Scalar>& input, Index column) {
-      for (Index i = input.subsystem; i >= 0; i = tree_->node(i).parent) {
-        const Node& node = tree_->node(i);
-        const Index own = (i + 1 < tree_->size() ? tree_->node(i + 1).v : tree_->n_v()) - node.v;
-        const Index rows = node.v_end - node.v;
-        for (Index j = column; j < column + input.size; ++j) {
-          for (Index d = 0; d < own; ++d) {
-            const Index a = node.path_v + d;
-            Bhat.col(j).segment(node.v, rows) += L_.col(a).segment(node.v, rows) * beta_(a, j);
+    for (Index j = 0; j < m; ++j) {
+      Index depth = columns_[static_cast<std::size_t>(j)].depth;
+      const Scalar* beta = beta_.data() + j * depth_;
+      for (Index i = columns_[static_cast<std::size_t>(j)].limb; i >= 0; i = limbs_[static_cast<std::size_t>(i)].parent) {
+        const Limb& limb = limbs_[static_cast<std::size_t>(i)];
+        depth = std::min(depth, limb.end);
+        for (Index v = limb.v_begin; v < limb.v_end; v += lanes) {
+          // Rows of the limb itself are zero beyond their own position.
+          const Index rows = std::min<Index>(lanes, limb.v_end - v);
+          const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
+          Lanes sum = Lanes::Zero();
+          const Scalar* l = L_.data() + limb.begin * rows_ + v;
+          for (Index a = limb.begin; a < end; ++a, l += rows_) { sum += ConstLanesMap(l) * beta[a]; }
+          Scalar* b = Bhat.data() + j * Bhat.rows() + v;
+          if (rows == lanes) {
+            LanesMap(b) += sum;
+          } else {
+            for (Index p = 0; p < rows; ++p) { b[p] += sum(p); }
           }
         }
       }
-    });
+    }
   }
 
+  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
+
   struct Column {
-    const Input<Scalar>* input;
-    Index column;
+    Index limb;   ///< that the input acts on
+    Index depth;  ///< path positions that it reaches
   };
 
   const Tree* tree_;
   const Inputs<Tree>* inputs_;
-  MatrixX<Scalar> L_;     // n_v × depth: Γ⁻¹ diag(C), column a of row r belongs to the a-th velocity on r's path
-  MatrixX<Scalar> beta_;  // depth × m
-  std::vector<Columns> buffers_;
+  Index depth_;             // padded length of the longest path
+  Index rows_;              // n_v, padded so that lanes may begin at any row
+  MatrixX<Scalar> L_;       // rows × depth: Γ⁻¹ diag(C); entry (r, a) belongs to the a-th velocity on r's path
+  MatrixX<Scalar> L_rows_;  // its transpose
+  MatrixX<Scalar> beta_;    // depth × m
+  std::vector<Buffer> buffers_;
   std::vector<int> buffer_of_;
-  std::vector<std::vector<Column>> columns_at_;
+  std::vector<Limb> limbs_;
+  std::vector<Index> limb_of_;   // of a subsystem
+  std::vector<Index> path_end_;  // of a row: path positions up to and including its subsystem
+  std::vector<std::vector<Index>> acting_;  // inputs on each subsystem
+  std::vector<Column> columns_;
+  std::vector<Index> column_of_ = std::vector<Index>(static_cast<std::size_t>(inputs_->blocks()));
   detail::ResultMemory<Scalar> result_;
 };
 
