@@ -13,8 +13,10 @@
 // h_q = Σ_k S_kᵀ (A_k bias_k + h_k) + internal forces. Gravity is the world accelerating upward.
 #pragma once
 
+#include <iim/articulated_inertia.hpp>
 #include <iim/errors.hpp>
 #include <iim/inputs.hpp>
+#include <iim/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
@@ -22,15 +24,9 @@
 
 #include <array>
 #include <cassert>
-#include <utility>
+#include <cstddef>
 
 namespace iim {
-
-/// What a scene has; a term that is off costs nothing.
-struct Scene {
-  bool velocity = true;  ///< false: q̇ = 0, and the argument is not read
-  bool gravity = true;   ///< false: free fall
-};
 
 namespace detail {
 template <Scene scene, class Workspace>
@@ -89,68 +85,10 @@ public:
 
   explicit ForwardPass(Workspace& ws) : tree_(ws.tree()), ws_(ws) { ws_.load().setZero(); }
 
-  /// From the base outward: orientations, Jacobians, velocity terms, and the bodies in world axes.
   template <class Q, class V>
   void kinematics(const Q& q, const V& qd)
   {
-    tree_.outward([&]<class N, class S>(const N& node, const S& s) {
-      constexpr MotionPattern pattern = S::pattern;
-      NodeState<S>& state = ws_.template node<S>(node);
-      const Placement<Scalar>& at = tree_.placement(node.index);
-      Vector3<Scalar> omega = Vector3<Scalar>::Zero();
-      if (node.inlet < 0) {
-        state.R = at.R;
-        state.r = at.p;
-      } else {
-        const FrameState<Scalar>& inlet = ws_.frame(node.inlet);
-        if (tree_.placement_turns(node.index)) {
-          state.R.noalias() = inlet.R.lazyProduct(at.R);
-        } else {
-          state.R = inlet.R;
-        }
-        state.r.noalias() = inlet.r + inlet.R.lazyProduct(at.p);
-        if constexpr (scene.velocity) { omega = inlet.omega; }
-      }
-      const detail::Coordinates<S> q_i = q.template segment<S::n_q>(node.q);
-      detail::Velocities<S> qd_i = detail::Velocities<S>::Zero();
-      if constexpr (scene.velocity) { qd_i = qd.template segment<S::n_i>(node.v); }
-      check_state<S>(node.index, q_i, qd_i);
-
-      auto frames = frame_motions<S>(node.frame, state, std::make_index_sequence<S::n_frames>{});
-      if (!s.motion(state.R, q_i, qd_i, frames)) { fail(Status::invalid_state, node.index); }
-      if constexpr (detail::is_free<S>()) { state.r += state.R * q_i.template head<3>(); }
-      if constexpr (detail::rotor_count<S>() > 0) { state.qd = qd_i; }
-
-      if constexpr (scene.velocity) {
-        if (node.inlet >= 0) { state.c = omega.cross(omega.cross(state.r)); }
-      }
-      for (int k = 0; k < S::n_frames; ++k) {
-        FrameState<Scalar>& f = ws_.frame(node.frame + k);
-        if constexpr (scene.velocity) {
-          // Twist of the frame relative to the inlet, and the accelerations that come with the inlet turning.
-          const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-          if constexpr (!pattern.bias) { f.bias.setZero(); }
-          f.omega = omega;
-          if constexpr (pattern.linear) {
-            const Vector3<Scalar> v = S_k.template topRows<3>() * qd_i;
-            f.bias.template head<3>() += Scalar(2) * omega.cross(v);
-          }
-          if constexpr (pattern.angular) {
-            const Vector3<Scalar> w = S_k.template bottomRows<3>() * qd_i;
-            f.omega += w;
-            f.bias.template tail<3>() += omega.cross(w);
-          }
-        }
-        place_bodies<pattern.offset>(tree_.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
-      }
-      if constexpr (S::n_u > 0) {
-        const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);
-        ws_.Bbar().template segment<S::n_i * S::n_u>(node.bbar) = Bbar.reshaped();
-      }
-      if constexpr (detail::has_internal_force<S>()) {
-        ws_.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);
-      }
-    });
+    detail::kinematics<scene>(q, qd, ws_, diagnosis_);
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
@@ -158,7 +96,7 @@ public:
   void apply(const InputsType& inputs, const U& u)
   {
     inputs.for_each_active([&](const auto& input, Index column) {
-      if (!detail::all_finite(u.segment(column, input.size))) { fail(Status::invalid_state, input.subsystem); }
+      if (!detail::all_finite(u.segment(column, input.size))) { diagnosis_.fail(Status::invalid_state, input.subsystem); }
       if (input.kind == InputKind::motor) {
         const Index rows = input.velocities;
         for (Index j = 0; j < input.size; ++j) {
@@ -186,51 +124,51 @@ public:
   /// From the base outward again: accelerations, (18) and (19).
   void accelerations()
   {
-    Vector6<Scalar> world = Vector6<Scalar>::Zero();
-    if constexpr (scene.gravity) { world.template head<3>() = -tree_.gravity(); }
     tree_.outward([&]<class N, class S>(const N& node, const S&) {
       NodeState<S>& state = ws_.template node<S>(node);
-      Vector6<Scalar> y = world;
+      Vector6<Scalar> y;
       if (node.inlet >= 0) {
         y = shift_twist(state.r, ws_.frame(node.inlet).Vdot);
-        if constexpr (scene.velocity) { y.template head<3>() += state.c; }
+        if constexpr (scene.velocity) {
+          for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
+        }
+      } else {
+        for (int i = 0; i < 3; ++i) {
+          y(i) = scene.gravity ? Scalar(-tree_.gravity()(i)) : Scalar(0);
+          y(i + 3) = Scalar(0);
+        }
+      }
+      detail::Velocities<S> qdd;
+      for (int d = 0; d < S::n_i; ++d) {
+        qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
+                                  (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
+        ws_.qdd()(node.v + d) = qdd(d);
       }
       for (int k = 0; k < S::n_frames; ++k) {
         FrameState<Scalar>& f = ws_.frame(node.frame + k);
         f.Vdot = y;
-        if constexpr (scene.velocity) { f.Vdot += f.bias; }
-      }
-      if constexpr (S::n_i > 0) {
-        Eigen::Matrix<Scalar, S::n_i, 1> qdd = -state.psi;
-        qdd.noalias() -= state.W.lazyProduct(y);
-        ws_.qdd().template segment<S::n_i>(node.v) = qdd;
-        for (int k = 0; k < S::n_frames; ++k) {
-          FrameState<Scalar>& f = ws_.frame(node.frame + k);
-          const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-          if constexpr (S::pattern.linear) { f.Vdot.template head<3>() += S_k.template topRows<3>() * qdd; }
-          if constexpr (S::pattern.angular) { f.Vdot.template tail<3>() += S_k.template bottomRows<3>() * qdd; }
+        if constexpr (has_bias<S>(0)) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += f.bias(i); } }
+        if constexpr (has_bias<S>(3)) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += f.bias(i); } }
+        const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
+        for (int d = 0; d < S::n_i; ++d) {
+          if constexpr (S::pattern.linear) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
+          if constexpr (S::pattern.angular) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
         }
       }
     });
     // Only now: an overflow anywhere above has reached q̈.
-    if (status_ == Status::ok && !detail::all_finite(ws_.qdd())) { fail(Status::not_finite, first_not_finite()); }
+    if (diagnosis_.status == Status::ok && !detail::all_finite(ws_.qdd())) { diagnosis_.fail(Status::not_finite, first_not_finite()); }
   }
 
-  ForwardDynamics<Workspace> receipt() const { return {ws_, status_, subsystem_}; }
-  Acceleration<Scalar> acceleration() const { return {ws_.qdd(), status_, subsystem_}; }
-  void fail(Status status, Index subsystem)
-  {
-    if (status_ == Status::ok) {
-      status_ = status;
-      subsystem_ = subsystem;
-    }
-  }
+  ForwardDynamics<Workspace> receipt() const { return {ws_, diagnosis_.status, diagnosis_.subsystem}; }
+  Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 private:
+  /// Whether a frame of S has a bias acceleration in the linear (0) or angular (3) rows.
   template <class S>
-  void check_state(Index i, const detail::Coordinates<S>& q, const detail::Velocities<S>& qd)
+  static constexpr bool has_bias(int rows)
   {
-    if (!detail::all_finite(q) || !detail::all_finite(qd)) { fail(Status::invalid_state, i); }
+    return scene.velocity && (S::pattern.bias || (rows == 0 ? S::pattern.linear : S::pattern.angular));
   }
 
   Index first_not_finite() const
@@ -242,43 +180,32 @@ private:
     return -1;
   }
 
-  template <class S, std::size_t... K>
-  std::array<FrameMotion<Scalar, S::n_i>, S::n_frames> frame_motions(Index first, NodeState<S>& state,
-                                                                     std::index_sequence<K...>)
+  /// Bias wrench of what frame k carries: h + A bias.
+  template <class S>
+  [[gnu::always_inline]] static Vector6<Scalar> bias_wrench(const FrameState<Scalar>& f)
   {
-    return {{{ws_.frame(first + static_cast<Index>(K)).R, ws_.frame(first + static_cast<Index>(K)).r, state.S_k[K],
-              ws_.frame(first + static_cast<Index>(K)).bias}...}};
+    Vector6<Scalar> p = f.h;
+    if constexpr (has_bias<S>(0)) { add_wrench_of_linear(f.A, linear(f.bias), p); }
+    if constexpr (has_bias<S>(3)) {
+      const Vector3<Scalar> a = angular(f.bias);
+      const Vector3<Scalar> force = f.A.force_of_angular(a);
+      const Vector3<Scalar> moment = f.A.moment_of_angular(a);
+      for (int i = 0; i < 3; ++i) {
+        p(i) += force(i);
+        p(i + 3) += moment(i);
+      }
+    }
+    return p;
   }
 
-  /// Newton–Euler (A1), (A2) of the bodies on one frame, about the coupling point: A and the velocity part of h.
-  template <bool offset>
-  static void place_bodies(const FrameMass<Scalar>& mass, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                           const Vector3<Scalar>& omega, SpatialInertia<Scalar>& A, Vector6<Scalar>& h)
+  [[gnu::always_inline]] static void add_wrench_of_linear(const SpatialInertia<Scalar>& A, const Vector3<Scalar>& a,
+                                                          Vector6<Scalar>& p)
   {
-    if (!mass.present) {
-      A.set_zero();
-      h.setZero();
-      return;
-    }
-    Vector3<Scalar> mc = R * mass.first_moment;
-    Matrix3<Scalar> RI;
-    RI.noalias() = R.lazyProduct(mass.inertia);
-    Matrix3<Scalar> Theta;
-    Theta.noalias() = RI.lazyProduct(R.transpose());
-    if constexpr (offset) {
-      // From the frame's origin to the coupling point: Θ − m r̃r̃ − r̃ m̃c − m̃c r̃
-      const Matrix3<Scalar> rx = skew(r);
-      const Matrix3<Scalar> cx = skew(mc);
-      const Matrix3<Scalar> cross = rx.lazyProduct(cx);
-      Theta -= mass.mass * rx.lazyProduct(rx) + cross + cross.transpose();
-      mc += mass.mass * r;
-    }
-    A.set_rigid(mass.mass, mc, Theta);
-    if constexpr (scene.velocity) {
-      h.template head<3>() = omega.cross(omega.cross(mc));
-      h.template tail<3>() = omega.cross(Vector3<Scalar>(Theta * omega));
-    } else {
-      h.setZero();
+    const Vector3<Scalar> force = A.force_of_linear(a);
+    const Vector3<Scalar> moment = A.moment_of_linear(a);
+    for (int i = 0; i < 3; ++i) {
+      p(i) += force(i);
+      p(i + 3) += moment(i);
     }
   }
 
@@ -288,286 +215,191 @@ private:
   {
     NodeState<S>& state = ws_.template node<S>(node);
     FrameState<Scalar>& inlet = ws_.frame(node.inlet);
-    Vector6<Scalar> p = Vector6<Scalar>::Zero();
     for (int k = 0; k < S::n_frames; ++k) {
       const FrameState<Scalar>& f = ws_.frame(node.frame + k);
-      p += f.h;
-      if constexpr (scene.velocity) { p.template head<3>() += f.A.M * state.c; }
-      if constexpr (scene.velocity) { p.template tail<3>() += f.A.H.transpose() * state.c; }
+      Vector6<Scalar> p = f.h;
+      if constexpr (scene.velocity) { add_wrench_of_linear(f.A, state.c, p); }
+      add(inlet.h, shift_wrench(state.r, p));
       inlet.A.add_shifted(f.A, state.r);
     }
-    inlet.h += shift_wrench(state.r, p);
   }
 
   template <class S, class N>
   void moving_inward(const N& node, const S& s)
   {
+    constexpr MotionPattern pattern = S::pattern;
     constexpr int n_i = S::n_i;
     constexpr int n_frames = S::n_frames;
     constexpr int n_rotors = detail::rotor_count<S>();
-    using MatrixI = Eigen::Matrix<Scalar, n_i, n_i>;
     using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
     using Columns = Eigen::Matrix<Scalar, 6, n_i>;
     NodeState<S>& state = ws_.template node<S>(node);
 
     // U, D, h_g, h_q over the frames.
     std::array<Columns, n_frames> U_k;
-    MatrixI D_k;
-    Vector6<Scalar> hg = Vector6<Scalar>::Zero();
-    VectorI hq = -ws_.load().template segment<n_i>(node.v);
-    VectorI scale = VectorI::Zero();
-    state.U.setZero();
-    state.MbarR.setZero();
+    Eigen::Matrix<Scalar, n_i, n_i> D;
+    Vector6<Scalar> hg;
+    VectorI hq, scale;
+    for (int d = 0; d < n_i; ++d) {
+      hq(d) = -ws_.load()(node.v + d);
+      scale(d) = Scalar(0);
+      for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
+    }
     for (int k = 0; k < n_frames; ++k) {
       const auto at = static_cast<std::size_t>(k);
       const FrameState<Scalar>& f = ws_.frame(node.frame + k);
-      times<S>(f.A, state.S_k[at], U_k[at]);
-      transposed_times<S>(state.S_k[at], U_k[at], D_k);
-      state.U += U_k[at];
-      state.MbarR += D_k;
-      add_scale<S>(f.A, state.S_k[at], scale);
-      Vector6<Scalar> p = f.h;
-      if constexpr (scene.velocity && (S::pattern.bias || S::pattern.linear || S::pattern.angular)) { p += f.A * f.bias; }
-      hg += p;
-      VectorI hq_k;
-      transposed_times<S>(state.S_k[at], p, hq_k);
-      hq += hq_k;
+      inertia_times<pattern>(f.A, state.S_k[at], U_k[at]);
+      add_joint_inertia<pattern>(state.S_k[at], U_k[at], D);
+      add_scale<pattern>(f.A, state.S_k[at], scale);
+      const Vector6<Scalar> p = bias_wrench<S>(f);
+      for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
+      if (k == 0) {
+        hg = p;
+      } else {
+        add(hg, p);
+      }
     }
+    Columns U = U_k[0];
+    for (int k = 1; k < n_frames; ++k) { U += U_k[static_cast<std::size_t>(k)]; }
 
-    // Rotors: J gᵀg with g = (0, aᵀ, e); z = its guidance part once W is known.
-    std::array<Vector3<Scalar>, n_rotors> a;
-    std::array<VectorI, n_rotors> e;
-    std::array<Scalar, n_rotors> J;
+    // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
+    std::array<SpunRotor<n_i>, n_rotors> spun;
     if constexpr (n_rotors > 0) {
       const auto rotors = s.rotors();
-      for (int k = 0; k < n_rotors; ++k) {
-        const auto at = static_cast<std::size_t>(k);
-        add_rotor<S>(node, rotors[at], state, a[at], e[at], J[at], hg, hq);
-        scale += J[at] * e[at].cwiseAbs2();
+      for (std::size_t k = 0; k < n_rotors; ++k) {
+        spun[k] = add_rotor<S>(node, rotors[k], state, U, D, hg, hq);
+        for (int d = 0; d < n_i; ++d) { scale(d) += spun[k].J * spun[k].e(d) * spun[k].e(d); }
       }
     }
 
+    if (!detail::invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
+      diagnosis_.fail(Status::not_positive_definite, node.index);
+    }
+    state.MbarR = D;
+    state.U = U;
+    for (int d = 0; d < n_i; ++d) {
+      state.psi(d) = state.MbarR_inv(d, 0) * hq(0);
+      for (int e = 1; e < n_i; ++e) { state.psi(d) += state.MbarR_inv(d, e) * hq(e); }
+    }
     if constexpr (detail::is_free<S>()) {
-      if (!detail::invert_spd<Scalar, n_i>(state.MbarR, scale, state.MbarR_inv_root, state.MbarR_inv)) {
-        fail(Status::not_positive_definite, node.index);
-      }
-      state.psi.noalias() = state.MbarR_inv.lazyProduct(hq);
       state.W = state.S_k[0].transpose();
       return;  // nothing passes on: A' = 0, p' = 0
-    } else {
-      if (!detail::invert_spd<Scalar, n_i>(state.MbarR, scale, state.MbarR_inv_root, state.MbarR_inv)) {
-        fail(Status::not_positive_definite, node.index);
-      }
-      state.psi.noalias() = state.MbarR_inv.lazyProduct(hq);
-      state.W.noalias() = state.MbarR_inv.lazyProduct(state.U.transpose());
     }
+    Eigen::Matrix<Scalar, n_i, 6> W;
+    for (int j = 0; j < 6; ++j) {
+      for (int d = 0; d < n_i; ++d) {
+        W(d, j) = state.MbarR_inv(d, 0) * U(j, 0);
+        for (int e = 1; e < n_i; ++e) { W(d, j) += state.MbarR_inv(d, e) * U(j, e); }
+      }
+    }
+    state.W = W;
     if (node.inlet < 0) { return; }
 
     // What the parent sees, before the shift to its own point.
     SpatialInertia<Scalar> A;
-    A.set_zero();
-    if (tree_.inlet_mass(node.index).present) {
-      Vector3<Scalar> omega = Vector3<Scalar>::Zero();
-      if constexpr (scene.velocity) { omega = ws_.frame(node.inlet).omega; }
-      Vector6<Scalar> h;
-      place_bodies<false>(tree_.inlet_mass(node.index), state.R, Vector3<Scalar>::Zero(), omega, A, h);
-      hg += h;
-    }
     for (int k = 0; k < n_frames; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      reduce<S>(ws_.frame(node.frame + k).A, state.S_k[at], U_k[at], state.W, A);
-    }
-    for (int k = 0; k < n_rotors; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      if constexpr (Workspace::update == Update::printed) {
-        A.J += J[at] * a[at] * a[at].transpose();
+      const SpatialInertia<Scalar>& A_k = ws_.frame(node.frame + k).A;
+      if constexpr (Workspace::update == Update::projected) {
+        if (k == 0) {
+          A = projected<pattern>(A_k, state.S_k[at], U_k[at], W);
+        } else {
+          A += projected<pattern>(A_k, state.S_k[at], U_k[at], W);
+        }
+      } else if (k == 0) {
+        A = A_k;
       } else {
-        Vector6<Scalar> z = -(e[at].transpose() * state.W).transpose();
-        z.template tail<3>() += a[at];
-        add_square(J[at], z, A);
+        A += A_k;
       }
     }
-    if constexpr (Workspace::update == Update::printed) {
-      subtract_product(state.U, state.W, A);
+    for (const SpunRotor<n_i>& rotor : spun) {
+      Vector6<Scalar> z;
+      set(z, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
+      if constexpr (Workspace::update == Update::projected) {
+        for (int j = 0; j < 6; ++j) {
+          for (int d = 0; d < n_i; ++d) { z(j) -= rotor.e(d) * W(d, j); }
+        }
+      }
+      add_square(rotor.J, z, A);
     }
+    if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
 
-    Vector6<Scalar> p = hg;
-    p.noalias() -= state.W.transpose().lazyProduct(hq);
-    if constexpr (scene.velocity) {
-      p.template head<3>().noalias() += A.M.lazyProduct(state.c);
-      p.template tail<3>().noalias() += A.H.transpose().lazyProduct(state.c);
-    }
     FrameState<Scalar>& inlet = ws_.frame(node.inlet);
-    inlet.h += shift_wrench(state.r, p);
+    if (tree_.inlet_mass(node.index).present) {
+      SpatialInertia<Scalar> A_inlet;
+      Vector6<Scalar> h;
+      const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+      place_bodies<false, scene.velocity>(tree_.inlet_mass(node.index), state.R, at_inlet, inlet.omega, A_inlet, h);
+      A += A_inlet;
+      add(hg, h);
+    }
+    for (int j = 0; j < 6; ++j) {
+      for (int d = 0; d < n_i; ++d) { hg(j) -= W(d, j) * hq(d); }
+    }
+    if constexpr (scene.velocity) { add_wrench_of_linear(A, state.c, hg); }
+    add(inlet.h, shift_wrench(state.r, hg));
     inlet.A.add_shifted(A, state.r);
   }
 
-  /// U = A S, leaving out the rows of S that the pattern declares zero.
-  template <class S>
-  static void times(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, S::n_i>& S_k,
-                    Eigen::Matrix<Scalar, 6, S::n_i>& U)
-  {
-    constexpr MotionPattern pattern = S::pattern;
-    if constexpr (pattern.angular) {
-      U.template topRows<3>().noalias() = A.H.lazyProduct(S_k.template bottomRows<3>());
-      U.template bottomRows<3>().noalias() = A.J.lazyProduct(S_k.template bottomRows<3>());
-    } else {
-      U.setZero();
-    }
-    if constexpr (pattern.linear) {
-      U.template topRows<3>().noalias() += A.M.lazyProduct(S_k.template topRows<3>());
-      U.template bottomRows<3>().noalias() += A.H.transpose().lazyProduct(S_k.template topRows<3>());
-    }
-  }
-
-  /// Sᵀ x.
-  template <class S, int cols>
-  static void transposed_times(const Eigen::Matrix<Scalar, 6, S::n_i>& S_k, const Eigen::Matrix<Scalar, 6, cols>& x,
-                               Eigen::Matrix<Scalar, S::n_i, cols>& y)
-  {
-    constexpr MotionPattern pattern = S::pattern;
-    if constexpr (pattern.angular) {
-      y.noalias() = S_k.template bottomRows<3>().transpose().lazyProduct(x.template bottomRows<3>());
-      if constexpr (pattern.linear) {
-        y.noalias() += S_k.template topRows<3>().transpose().lazyProduct(x.template topRows<3>());
-      }
-    } else {
-      y.noalias() = S_k.template topRows<3>().transpose().lazyProduct(x.template topRows<3>());
-    }
-  }
-
-  /// Size of the diagonal of SᵀAS if nothing cancelled: what its roundings are relative to.
-  template <class S>
-  static void add_scale(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, S::n_i>& S_k,
-                        Eigen::Matrix<Scalar, S::n_i, 1>& scale)
-  {
-    for (int j = 0; j < S::n_i; ++j) {
-      if constexpr (S::pattern.linear) {
-        scale(j) += S_k.col(j).template head<3>().cwiseAbs2().dot(A.M.diagonal());
-      }
-      if constexpr (S::pattern.angular) {
-        scale(j) += S_k.col(j).template tail<3>().cwiseAbs2().dot(A.J.diagonal());
-      }
-    }
-  }
-
-  /// A −= U W, all blocks.
+  /// A rotor in motion: its axis a (zero for an armature) in world axes, and e, its spin per q̇_i.
   template <int n_i>
-  static void subtract_product(const Eigen::Matrix<Scalar, 6, n_i>& U, const Eigen::Matrix<Scalar, n_i, 6>& W,
-                               SpatialInertia<Scalar>& A)
-  {
-    A.M.noalias() -= U.template topRows<3>().lazyProduct(W.template leftCols<3>());
-    A.H.noalias() -= U.template topRows<3>().lazyProduct(W.template rightCols<3>());
-    A.J.noalias() -= U.template bottomRows<3>().lazyProduct(W.template rightCols<3>());
-  }
+  struct SpunRotor {
+    Vector3<Scalar> a;
+    Eigen::Matrix<Scalar, n_i, 1> e;
+    Scalar J;
+  };
 
-  /// Adds J z zᵀ.
-  static void add_square(const Scalar& J, const Vector6<Scalar>& z, SpatialInertia<Scalar>& A)
-  {
-    const Vector6<Scalar> Jz = J * z;
-    A.M.noalias() += Jz.template head<3>() * z.template head<3>().transpose();
-    A.H.noalias() += Jz.template head<3>() * z.template tail<3>().transpose();
-    A.J.noalias() += Jz.template tail<3>() * z.template tail<3>().transpose();
-  }
-
-  /// Adds Pᵀ A_k P with P = 1 − S W; with the printed update A_k alone (U W is subtracted once, for all frames).
-  ///
-  /// A_k − U_k W changes to first order when roundings move W; the congruence does not, it is stationary in W. It is
-  /// symmetric as A_k − Wᵀy − yᵀW with y = ½ (U_kᵀ + z), z = Sᵀ (A_k − U_k W). (U_kᵀ − ½ D_k W is the same y on paper,
-  /// but keeps the rounding errors of U: measured ten times less accurate on a chain of 100.)
-  template <class S>
-  static void reduce(const SpatialInertia<Scalar>& A_k, const Eigen::Matrix<Scalar, 6, S::n_i>& S_k,
-                     const Eigen::Matrix<Scalar, 6, S::n_i>& U_k, const Eigen::Matrix<Scalar, S::n_i, 6>& W,
-                     SpatialInertia<Scalar>& A)
-  {
-    if constexpr (Workspace::update == Update::projected) {
-      constexpr MotionPattern pattern = S::pattern;
-      const auto Wv = W.template leftCols<3>();
-      const auto Ww = W.template rightCols<3>();
-      Eigen::Matrix<Scalar, S::n_i, 6> y = U_k.transpose();
-      if constexpr (pattern.linear) {
-        const auto St = S_k.template topRows<3>().transpose();
-        const Matrix3<Scalar> M = A_k.M - U_k.template topRows<3>().lazyProduct(Wv);
-        const Matrix3<Scalar> H = A_k.H - U_k.template topRows<3>().lazyProduct(Ww);
-        y.template leftCols<3>() += St.lazyProduct(M);
-        y.template rightCols<3>() += St.lazyProduct(H);
-      }
-      if constexpr (pattern.angular) {
-        const auto St = S_k.template bottomRows<3>().transpose();
-        const Matrix3<Scalar> H = A_k.H.transpose() - U_k.template bottomRows<3>().lazyProduct(Wv);
-        const Matrix3<Scalar> J = A_k.J - U_k.template bottomRows<3>().lazyProduct(Ww);
-        y.template leftCols<3>() += St.lazyProduct(H);
-        y.template rightCols<3>() += St.lazyProduct(J);
-      }
-      y *= Scalar(0.5);
-      subtract_symmetric<S::n_i>(W, y, A);
-    }
-    A += A_k;
-  }
-
-  /// A −= Wᵀ y + yᵀ W.
-  template <int n_i>
-  static void subtract_symmetric(const Eigen::Matrix<Scalar, n_i, 6>& W, const Eigen::Matrix<Scalar, n_i, 6>& y,
-                                 SpatialInertia<Scalar>& A)
-  {
-    const auto Wv = W.template leftCols<3>();
-    const auto Ww = W.template rightCols<3>();
-    const auto yv = y.template leftCols<3>();
-    const auto yw = y.template rightCols<3>();
-    A.M.noalias() -= Wv.transpose().lazyProduct(yv);
-    A.M.noalias() -= yv.transpose().lazyProduct(Wv);
-    A.H.noalias() -= Wv.transpose().lazyProduct(yw);
-    A.H.noalias() -= yv.transpose().lazyProduct(Ww);
-    A.J.noalias() -= Ww.transpose().lazyProduct(yw);
-    A.J.noalias() -= yw.transpose().lazyProduct(Ww);
-  }
-
-  /// U, D, h of one rotor; leaves its axis a (zero for an armature) in world axes, and e, its spin per q̇_i.
+  /// Adds one rotor to U, D, h.
   template <class S, class N, class RotorType>
-  void add_rotor(const N& node, const RotorType& rotor, NodeState<S>& state, Vector3<Scalar>& a,
-                 Eigen::Matrix<Scalar, S::n_i, 1>& e, Scalar& J, Vector6<Scalar>& hg,
-                 Eigen::Matrix<Scalar, S::n_i, 1>& hq)
+  SpunRotor<S::n_i> add_rotor(const N& node, const RotorType& rotor, const NodeState<S>& state,
+                              Eigen::Matrix<Scalar, 6, S::n_i>& U, Eigen::Matrix<Scalar, S::n_i, S::n_i>& D,
+                              Vector6<Scalar>& hg, Eigen::Matrix<Scalar, S::n_i, 1>& hq)
   {
-    J = rotor.inertia;
-    e = rotor.ratio.transpose();
-    if (!rotor.coupled) {
-      a.setZero();
-      state.MbarR += J * e * e.transpose();
-      return;
-    }
+    constexpr int n_i = S::n_i;
+    SpunRotor<n_i> spun{Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.ratio.transpose(), rotor.inertia};
     const bool on_inlet = rotor.frame < 0;
-    const Matrix3<Scalar>& R = on_inlet ? state.R : ws_.frame(node.frame + rotor.frame).R;
-    a.noalias() = R.lazyProduct(rotor.axis);
-    const Eigen::Matrix<Scalar, S::n_i, 1> spin_ratio = e;
-    if (!on_inlet) {
-      e.noalias() += state.S_k[static_cast<std::size_t>(rotor.frame)].template bottomRows<3>().transpose() * a;
+    const std::size_t at = static_cast<std::size_t>(on_inlet ? 0 : rotor.frame);
+    if (rotor.coupled) {
+      spun.a = times(on_inlet ? state.R : ws_.frame(node.frame + rotor.frame).R, rotor.axis);
+      if (!on_inlet) {
+        for (int d = 0; d < n_i; ++d) {
+          for (int i = 0; i < 3; ++i) { spun.e(d) += state.S_k[at](i + 3, d) * spun.a(i); }
+        }
+      }
     }
-    state.U.template bottomRows<3>().noalias() += J * a * e.transpose();
-    state.MbarR += J * e * e.transpose();
+    for (int d = 0; d < n_i; ++d) {
+      const Scalar Je = spun.J * spun.e(d);
+      for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun.e(e); }
+      for (int i = 0; i < 3; ++i) { U(i + 3, d) += Je * spun.a(i); }
+    }
     if constexpr (scene.velocity) {
-      Vector3<Scalar> omega = Vector3<Scalar>::Zero();
+      if (!rotor.coupled) { return spun; }
+      Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
       Scalar bias = Scalar(0);
       if (!on_inlet) {
-        omega = ws_.frame(node.frame + rotor.frame).omega;
-        bias = a.dot(ws_.frame(node.frame + rotor.frame).bias.template tail<3>());
+        const FrameState<Scalar>& f = ws_.frame(node.frame + rotor.frame);
+        omega = f.omega;
+        for (int i = 0; i < 3; ++i) { bias += spun.a(i) * f.bias(i + 3); }
       } else if (node.inlet >= 0) {
         omega = ws_.frame(node.inlet).omega;
       }
-      const Scalar spin = J * (a.dot(omega) + spin_ratio.dot(state.qd));
-      const Vector3<Scalar> moment = spin * omega.cross(a) + J * bias * a;
-      hg.template tail<3>() += moment;
-      hq += J * bias * e;
-      if (!on_inlet) {
-        hq.noalias() += state.S_k[static_cast<std::size_t>(rotor.frame)].template bottomRows<3>().transpose() *
-                        (spin * omega.cross(a));
+      // Spin momentum J (a·ω + ratio q̇) a turns with the carrier.
+      Scalar spin = spun.a(0) * omega(0) + spun.a(1) * omega(1) + spun.a(2) * omega(2);
+      for (int d = 0; d < n_i; ++d) { spin += rotor.ratio(d) * state.qd(d); }
+      spin *= spun.J;
+      const Vector3<Scalar> gyroscopic = cross(omega, spun.a);
+      for (int i = 0; i < 3; ++i) { hg(i + 3) += spin * gyroscopic(i) + spun.J * bias * spun.a(i); }
+      for (int d = 0; d < n_i; ++d) {
+        hq(d) += spun.J * bias * spun.e(d);
+        for (int i = 0; i < 3 && !on_inlet; ++i) { hq(d) += spin * state.S_k[at](i + 3, d) * gyroscopic(i); }
       }
     }
+    return spun;
   }
 
   const Tree& tree_;
   Workspace& ws_;
-  Status status_ = Status::ok;
-  Index subsystem_ = -1;
+  Diagnosis diagnosis_;
 };
 
 }  // namespace detail

@@ -10,6 +10,9 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include <array>
+#include <cstddef>
+
 namespace iim {
 
 using Index = Eigen::Index;
@@ -30,86 +33,186 @@ Matrix3<Scalar> skew(const Vector3<Scalar>& a)
   return m;
 }
 
+// Products of three-vectors written out. In the hot path they replace Eigen's expressions, whose two-wide stores and
+// loads of 3 × 3 blocks do not meet (stalls), and whose layers compilers do not inline: together a factor of three.
+namespace detail {
+
+template <class Scalar>
+[[gnu::always_inline]] inline Vector3<Scalar> cross(const Vector3<Scalar>& a, const Vector3<Scalar>& b)
+{
+  return Vector3<Scalar>(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2), a(0) * b(1) - a(1) * b(0));
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Vector3<Scalar> times(const Matrix3<Scalar>& R, const Vector3<Scalar>& a)
+{
+  return Vector3<Scalar>(R(0, 0) * a(0) + R(0, 1) * a(1) + R(0, 2) * a(2), R(1, 0) * a(0) + R(1, 1) * a(1) + R(1, 2) * a(2),
+                         R(2, 0) * a(0) + R(2, 1) * a(1) + R(2, 2) * a(2));
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline void multiply(const Matrix3<Scalar>& A, const Matrix3<Scalar>& B, Matrix3<Scalar>& C)
+{
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) { C(i, j) = A(i, 0) * B(0, j) + A(i, 1) * B(1, j) + A(i, 2) * B(2, j); }
+  }
+}
+
+/// a += b.
+template <class Scalar>
+[[gnu::always_inline]] inline void add(Vector3<Scalar>& a, const Vector3<Scalar>& b)
+{
+  for (int i = 0; i < 3; ++i) { a(i) += b(i); }
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void add(Vector6<Scalar>& a, const Vector6<Scalar>& b)
+{
+  for (int i = 0; i < 6; ++i) { a(i) += b(i); }
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Vector3<Scalar> linear(const Vector6<Scalar>& V)
+{
+  return Vector3<Scalar>(V(0), V(1), V(2));
+}
+template <class Scalar>
+[[gnu::always_inline]] inline Vector3<Scalar> angular(const Vector6<Scalar>& V)
+{
+  return Vector3<Scalar>(V(3), V(4), V(5));
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void set(Vector6<Scalar>& V, const Vector3<Scalar>& lin, const Vector3<Scalar>& ang)
+{
+  for (int i = 0; i < 3; ++i) {
+    V(i) = lin(i);
+    V(i + 3) = ang(i);
+  }
+}
+
+}  // namespace detail
+
 /// Twist (or any motion vector) at x + r from the one at x: (v + ω × r, ω).
 template <class Scalar>
-Vector6<Scalar> shift_twist(const Vector3<Scalar>& r, const Vector6<Scalar>& V)
+[[gnu::always_inline]] inline Vector6<Scalar> shift_twist(const Vector3<Scalar>& r, const Vector6<Scalar>& V)
 {
   Vector6<Scalar> shifted;
-  shifted.template head<3>() = V.template head<3>() + V.template tail<3>().cross(r);
-  shifted.template tail<3>() = V.template tail<3>();
+  shifted(0) = V(0) + (V(4) * r(2) - V(5) * r(1));
+  shifted(1) = V(1) + (V(5) * r(0) - V(3) * r(2));
+  shifted(2) = V(2) + (V(3) * r(1) - V(4) * r(0));
+  for (int i = 3; i < 6; ++i) { shifted(i) = V(i); }
   return shifted;
 }
 
 /// Wrench about x of a wrench that is given about x + r: (f, n + r × f), the transpose of shift_twist.
 template <class Scalar>
-Vector6<Scalar> shift_wrench(const Vector3<Scalar>& r, const Vector6<Scalar>& w)
+[[gnu::always_inline]] inline Vector6<Scalar> shift_wrench(const Vector3<Scalar>& r, const Vector6<Scalar>& w)
 {
   Vector6<Scalar> shifted;
-  shifted.template head<3>() = w.template head<3>();
-  shifted.template tail<3>() = w.template tail<3>() + r.cross(w.template head<3>());
+  for (int i = 0; i < 3; ++i) { shifted(i) = w(i); }
+  shifted(3) = w(3) + (r(1) * w(2) - r(2) * w(1));
+  shifted(4) = w(4) + (r(2) * w(0) - r(0) * w(2));
+  shifted(5) = w(5) + (r(0) * w(1) - r(1) * w(0));
   return shifted;
 }
 
-/// Symmetric 6×6 map from accelerations to wrenches, [ M H ; Hᵀ J ], about one point.
+/// Symmetric 3 × 3 matrix, six numbers.
+template <class Scalar>
+struct Symmetric3 {
+  std::array<Scalar, 6> at;  ///< xx, xy, xz, yy, yz, zz
+
+  static constexpr std::size_t place(int i, int j)
+  {
+    return static_cast<std::size_t>(i <= j ? i * (5 - i) / 2 + j : j * (5 - j) / 2 + i);
+  }
+  const Scalar& operator()(int i, int j) const { return at[place(i, j)]; }
+  Scalar& operator()(int i, int j) { return at[place(i, j)]; }
+
+  Matrix3<Scalar> dense() const
+  {
+    Matrix3<Scalar> m;
+    m << at[0], at[1], at[2], at[1], at[3], at[4], at[2], at[4], at[5];
+    return m;
+  }
+};
+
+/// Symmetric 6×6 map from accelerations to wrenches, [ M H ; Hᵀ J ], about one point; 21 numbers.
 template <class Scalar>
 struct SpatialInertia {
-  Matrix3<Scalar> M;  ///< force per linear acceleration, symmetric
-  Matrix3<Scalar> H;  ///< force per angular acceleration
-  Matrix3<Scalar> J;  ///< moment per angular acceleration, symmetric
+  Symmetric3<Scalar> M;  ///< force per linear acceleration
+  Matrix3<Scalar> H;     ///< force per angular acceleration
+  Symmetric3<Scalar> J;  ///< moment per angular acceleration
 
   void set_zero()
   {
-    M.setZero();
-    H.setZero();
-    J.setZero();
+    M.at.fill(Scalar(0));
+    J.at.fill(Scalar(0));
+    for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) = Scalar(0); }
   }
 
   /// One rigid body: mass m, first moment mc = m·(centre − point), rotational inertia Θ about the point.
-  void set_rigid(const Scalar& m, const Vector3<Scalar>& mc, const Matrix3<Scalar>& Theta)
+  [[gnu::always_inline]] void set_rigid(const Scalar& m, const Vector3<Scalar>& mc, const Symmetric3<Scalar>& Theta)
   {
-    M.setZero();
-    M.diagonal().setConstant(m);
-    H = skew<Scalar>(-mc);
+    const Scalar zero(0);
+    M.at = {m, zero, zero, m, zero, m};
+    H(0, 0) = zero, H(0, 1) = mc(2), H(0, 2) = -mc(1);
+    H(1, 0) = -mc(2), H(1, 1) = zero, H(1, 2) = mc(0);
+    H(2, 0) = mc(1), H(2, 1) = -mc(0), H(2, 2) = zero;
     J = Theta;
   }
 
-  SpatialInertia& operator+=(const SpatialInertia& other)
+  [[gnu::always_inline]] SpatialInertia& operator+=(const SpatialInertia& other)
   {
-    M += other.M;
-    H += other.H;
-    J += other.J;
+    for (std::size_t k = 0; k < 6; ++k) {
+      M.at[k] += other.M.at[k];
+      J.at[k] += other.J.at[k];
+    }
+    for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += other.H(k % 3, k / 3); }
     return *this;
   }
 
   /// Adds X(r)ᵀ A X(r): the inertia A, given about the point r away, about this point.
-  void add_shifted(const SpatialInertia& A, const Vector3<Scalar>& r)
+  [[gnu::always_inline]] void add_shifted(const SpatialInertia& A, const Vector3<Scalar>& r)
   {
-    const Matrix3<Scalar> rx = skew(r);
-    Matrix3<Scalar> H_shifted;
-    H_shifted.noalias() = A.H - A.M.lazyProduct(rx);
-    M += A.M;
-    H += H_shifted;
-    J += A.J;
-    J.noalias() += rx.lazyProduct(H_shifted);
-    J.noalias() -= A.H.transpose().lazyProduct(rx);
+    // H' = H − M r̃,   J' = J + r̃ H' − Hᵀ r̃
+    Matrix3<Scalar> S;
+    for (int i = 0; i < 3; ++i) {
+      S(i, 0) = A.H(i, 0) - (A.M(i, 1) * r(2) - A.M(i, 2) * r(1));
+      S(i, 1) = A.H(i, 1) - (A.M(i, 2) * r(0) - A.M(i, 0) * r(2));
+      S(i, 2) = A.H(i, 2) - (A.M(i, 0) * r(1) - A.M(i, 1) * r(0));
+    }
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i <= j; ++i) {
+        const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        // (r̃ H')_ij and (r̃ H)_ji
+        J(i, j) += A.J(i, j) + ((r(i1) * S(i2, j) - r(i2) * S(i1, j)) + (r(j1) * A.H(j2, i) - r(j2) * A.H(j1, i)));
+      }
+    }
+    for (std::size_t k = 0; k < 6; ++k) { M.at[k] += A.M.at[k]; }
+    for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += S(k % 3, k / 3); }
   }
 
-  /// Wrench that gives the acceleration a, per unit of a's time derivative.
-  Vector6<Scalar> operator*(const Vector6<Scalar>& a) const
+  /// The force rows of A·a for a purely linear (angular) a, and the moment rows.
+  [[gnu::always_inline]] Vector3<Scalar> force_of_linear(const Vector3<Scalar>& a) const { return product(M, a); }
+  [[gnu::always_inline]] Vector3<Scalar> force_of_angular(const Vector3<Scalar>& a) const { return detail::times(H, a); }
+  [[gnu::always_inline]] Vector3<Scalar> moment_of_linear(const Vector3<Scalar>& a) const
   {
-    Vector6<Scalar> w;
-    w.template head<3>().noalias() =
-        M.lazyProduct(a.template head<3>()) + H.lazyProduct(a.template tail<3>());
-    w.template tail<3>().noalias() =
-        H.transpose().lazyProduct(a.template head<3>()) + J.lazyProduct(a.template tail<3>());
-    return w;
+    return Vector3<Scalar>(H(0, 0) * a(0) + H(1, 0) * a(1) + H(2, 0) * a(2), H(0, 1) * a(0) + H(1, 1) * a(1) + H(2, 1) * a(2),
+                           H(0, 2) * a(0) + H(1, 2) * a(1) + H(2, 2) * a(2));
   }
+  [[gnu::always_inline]] Vector3<Scalar> moment_of_angular(const Vector3<Scalar>& a) const { return product(J, a); }
 
   Matrix6<Scalar> dense() const
   {
     Matrix6<Scalar> A;
-    A << M, H, H.transpose(), J;
+    A << M.dense(), H, H.transpose(), J.dense();
     return A;
+  }
+
+private:
+  [[gnu::always_inline]] static Vector3<Scalar> product(const Symmetric3<Scalar>& A, const Vector3<Scalar>& a)
+  {
+    return Vector3<Scalar>(A(0, 0) * a(0) + A(0, 1) * a(1) + A(0, 2) * a(2), A(0, 1) * a(0) + A(1, 1) * a(1) + A(1, 2) * a(2),
+                           A(0, 2) * a(0) + A(1, 2) * a(1) + A(2, 2) * a(2));
   }
 };
 

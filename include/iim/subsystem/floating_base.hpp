@@ -44,13 +44,16 @@ struct FloatingBase {
     E << Scalar(1) - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),  //
         s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
         s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
-    m.R.noalias() = R.lazyProduct(E);
-    m.S.setZero();
-    m.S.template topLeftCorner<3, 3>() = m.R;
-    m.S.template bottomRightCorner<3, 3>() = m.R;
+    detail::multiply(R, E, m.R);
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i < 3; ++i) {
+        m.S(i, j) = m.R(i, j);
+        m.S(i + 3, j + 3) = m.R(i, j);
+      }
+    }
     // d(R v)/dt = R v̇ + R (ω × v)
-    m.bias.template head<3>().noalias() = m.R.lazyProduct(qd.template tail<3>().cross(qd.template head<3>()));
-    m.bias.template tail<3>().setZero();
+    const Vector3<Scalar> turning = detail::cross(Vector3<Scalar>(qd(3), qd(4), qd(5)), Vector3<Scalar>(qd(0), qd(1), qd(2)));
+    detail::set(m.bias, detail::times(m.R, turning), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
     return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
            ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
   }

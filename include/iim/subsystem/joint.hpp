@@ -41,8 +41,8 @@ struct UnitAxis {
   /// R·direction.
   Vector3<Scalar> in(const Matrix3<Scalar>& R) const
   {
-    if (aligned >= 0) { return R.col(aligned) * sign; }
-    return R * direction;
+    if (aligned >= 0) { return Vector3<Scalar>(R(0, aligned) * sign, R(1, aligned) * sign, R(2, aligned) * sign); }
+    return times(R, direction);
   }
 
   /// turned = R·exp(angle·direction~), w = R·direction.
@@ -56,14 +56,20 @@ struct UnitAxis {
       const int i = aligned == 2 ? 0 : aligned + 1;
       const int j = aligned == 0 ? 2 : aligned - 1;
       const Scalar t = sign * s;
-      turned.col(aligned) = R.col(aligned);
-      turned.col(i) = c * R.col(i) + t * R.col(j);
-      turned.col(j) = c * R.col(j) - t * R.col(i);
+      for (int k = 0; k < 3; ++k) {
+        turned(k, aligned) = R(k, aligned);
+        turned(k, i) = c * R(k, i) + t * R(k, j);
+        turned(k, j) = c * R(k, j) - t * R(k, i);
+      }
     } else {
       // Rodrigues: c R + s R ã + (1 − c) w aᵀ
-      const Vector3<Scalar> d = direction - c * direction;
-      turned.noalias() = c * R + w * d.transpose();
-      for (int k = 0; k < 3; ++k) { turned.row(k) -= s * direction.cross(R.row(k).transpose()).transpose(); }
+      for (int j = 0; j < 3; ++j) {
+        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        const Scalar d = direction(j) - c * direction(j);
+        for (int k = 0; k < 3; ++k) {
+          turned(k, j) = c * R(k, j) + w(k) * d + s * (R(k, j1) * direction(j2) - R(k, j2) * direction(j1));
+        }
+      }
     }
   }
 };
@@ -87,7 +93,7 @@ struct Revolute {
   {
     const Vector3<Scalar> w = unit_.in(R);
     unit_.turn(R, w, q(0), m.R);
-    m.S.template tail<3>() = w;
+    for (int k = 0; k < 3; ++k) { m.S(k + 3) = w(k); }
     return true;
   }
 
@@ -117,8 +123,10 @@ struct Prismatic {
   {
     const Vector3<Scalar> w = unit_.in(R);
     m.R = R;
-    m.r = q(0) * w;
-    m.S.template head<3>() = w;
+    for (int k = 0; k < 3; ++k) {
+      m.r(k) = q(0) * w(k);
+      m.S(k) = w(k);
+    }
     return true;
   }
 

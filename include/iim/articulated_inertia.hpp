@@ -1,0 +1,206 @@
+// One subsystem's share of the articulated inertia: U = A S, D = Sᵀ A S, and A' = A − U W (14), (16), (17).
+//
+// All loops have constant bounds and stand for themselves: see spatial.hpp on why these are not Eigen expressions.
+// Parts of S that the subsystem's MotionPattern declares zero are left out.
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+
+namespace iim::detail {
+
+/// U = A S.
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline void inertia_times(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, n>& S,
+                                                 Eigen::Matrix<Scalar, 6, n>& U)
+{
+  for (int d = 0; d < n; ++d) {
+    const Vector3<Scalar> v(S(0, d), S(1, d), S(2, d));
+    const Vector3<Scalar> w(S(3, d), S(4, d), S(5, d));
+    Vector3<Scalar> f, m;
+    if constexpr (pattern.angular) {
+      f = A.force_of_angular(w);
+      m = A.moment_of_angular(w);
+      if constexpr (pattern.linear) {
+        add(f, A.force_of_linear(v));
+        add(m, A.moment_of_linear(v));
+      }
+    } else {
+      f = A.force_of_linear(v);
+      m = A.moment_of_linear(v);
+    }
+    for (int i = 0; i < 3; ++i) {
+      U(i, d) = f(i);
+      U(i + 3, d) = m(i);
+    }
+  }
+}
+
+/// Column d of S times a six-vector.
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d, const Scalar& x0,
+                                                const Scalar& x1, const Scalar& x2, const Scalar& x3, const Scalar& x4,
+                                                const Scalar& x5)
+{
+  if constexpr (pattern.linear && pattern.angular) {
+    return Scalar((S(0, d) * x0 + S(1, d) * x1 + S(2, d) * x2) + (S(3, d) * x3 + S(4, d) * x4 + S(5, d) * x5));
+  } else if constexpr (pattern.angular) {
+    return Scalar(S(3, d) * x3 + S(4, d) * x4 + S(5, d) * x5);
+  } else {
+    return Scalar(S(0, d) * x0 + S(1, d) * x1 + S(2, d) * x2);
+  }
+}
+
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d, const Vector6<Scalar>& x)
+{
+  return column_dot<pattern>(S, d, x(0), x(1), x(2), x(3), x(4), x(5));
+}
+
+/// D += Sᵀ U.
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline void add_joint_inertia(const Eigen::Matrix<Scalar, 6, n>& S,
+                                                     const Eigen::Matrix<Scalar, 6, n>& U, Eigen::Matrix<Scalar, n, n>& D)
+{
+  for (int e = 0; e < n; ++e) {
+    for (int d = e; d < n; ++d) {
+      D(d, e) += column_dot<pattern>(S, d, U(0, e), U(1, e), U(2, e), U(3, e), U(4, e), U(5, e));
+      if (d != e) { D(e, d) = D(d, e); }
+    }
+  }
+}
+
+/// Size of the diagonal of SᵀAS if nothing cancelled: what its roundings are relative to.
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline void add_scale(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, n>& S,
+                                             Eigen::Matrix<Scalar, n, 1>& scale)
+{
+  for (int d = 0; d < n; ++d) {
+    for (int i = 0; i < 3; ++i) {
+      if constexpr (pattern.linear) { scale(d) += S(i, d) * S(i, d) * A.M(i, i); }
+      if constexpr (pattern.angular) { scale(d) += S(i + 3, d) * S(i + 3, d) * A.J(i, i); }
+    }
+  }
+}
+
+/// Pᵀ A P with P = 1 − S W, U = A S: what is left of A when the coordinates of S are free.
+///
+/// A − U W itself changes to first order when roundings move W; the congruence does not, it is stationary in W. It is
+/// formed from both sides, B = A P and then B − Wᵀ (Sᵀ B).
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
+                                                               const Eigen::Matrix<Scalar, 6, n>& S,
+                                                               const Eigen::Matrix<Scalar, 6, n>& U,
+                                                               const Eigen::Matrix<Scalar, n, 6>& W)
+{
+  // B in blocks [ M H ; G J ]; rows that neither Sᵀ B nor the upper half of the result needs are left to the compiler.
+  Matrix3<Scalar> M, H, G, J;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) {
+      M(i, j) = A.M(i, j) - U(i, 0) * W(0, j);
+      H(i, j) = A.H(i, j) - U(i, 0) * W(0, j + 3);
+      G(i, j) = A.H(j, i) - U(i + 3, 0) * W(0, j);
+      J(i, j) = A.J(i, j) - U(i + 3, 0) * W(0, j + 3);
+      for (int d = 1; d < n; ++d) {
+        M(i, j) -= U(i, d) * W(d, j);
+        H(i, j) -= U(i, d) * W(d, j + 3);
+        G(i, j) -= U(i + 3, d) * W(d, j);
+        J(i, j) -= U(i + 3, d) * W(d, j + 3);
+      }
+    }
+  }
+  SpatialInertia<Scalar> result;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i <= j; ++i) {
+      result.M(i, j) = M(i, j);
+      result.J(i, j) = J(i, j);
+    }
+    for (int i = 0; i < 3; ++i) { result.H(i, j) = H(i, j); }
+  }
+  for (int d = 0; d < n; ++d) {
+    for (int j = 0; j < 3; ++j) {
+      const Scalar v = column_dot<pattern>(S, d, M(0, j), M(1, j), M(2, j), G(0, j), G(1, j), G(2, j));
+      const Scalar w = column_dot<pattern>(S, d, H(0, j), H(1, j), H(2, j), J(0, j), J(1, j), J(2, j));
+      for (int i = 0; i <= j; ++i) {
+        result.M(i, j) -= W(d, i) * v;
+        result.J(i, j) -= W(d, i + 3) * w;
+      }
+      for (int i = 0; i < 3; ++i) { result.H(i, j) -= W(d, i) * w; }
+    }
+  }
+  return result;
+}
+
+/// A −= U W, upper half: the update as (14) and (16) print it.
+template <class Scalar, int n>
+[[gnu::always_inline]] inline void subtract_product(const Eigen::Matrix<Scalar, 6, n>& U,
+                                                    const Eigen::Matrix<Scalar, n, 6>& W, SpatialInertia<Scalar>& A)
+{
+  for (int d = 0; d < n; ++d) {
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i <= j; ++i) {
+        A.M(i, j) -= U(i, d) * W(d, j);
+        A.J(i, j) -= U(i + 3, d) * W(d, j + 3);
+      }
+      for (int i = 0; i < 3; ++i) { A.H(i, j) -= U(i, d) * W(d, j + 3); }
+    }
+  }
+}
+
+/// A += weight z zᵀ.
+template <class Scalar>
+[[gnu::always_inline]] inline void add_square(const Scalar& weight, const Vector6<Scalar>& z, SpatialInertia<Scalar>& A)
+{
+  for (int j = 0; j < 3; ++j) {
+    const Scalar v = weight * z(j);
+    const Scalar w = weight * z(j + 3);
+    for (int i = 0; i <= j; ++i) {
+      A.M(i, j) += z(i) * v;
+      A.J(i, j) += z(i + 3) * w;
+    }
+    for (int i = 0; i < 3; ++i) { A.H(i, j) += z(i) * w; }
+  }
+}
+
+/// Newton–Euler (A1), (A2) of the bodies on one frame, in world axes about the coupling point: inertia A, and with
+/// `velocity` the part of h that ω makes. r: frame's origin from the coupling point; zero unless `offset`.
+template <bool offset, bool velocity, class Scalar>
+[[gnu::always_inline]] inline void place_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
+                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
+                                                SpatialInertia<Scalar>& A, Vector6<Scalar>& h)
+{
+  if (!body.present) {
+    A.set_zero();
+    h.setZero();
+    return;
+  }
+  Vector3<Scalar> mc = times(R, body.first_moment);
+  Symmetric3<Scalar> Theta;
+  for (int j = 0; j < 3; ++j) {
+    Vector3<Scalar> I_Rt;  // column j of I Rᵀ
+    for (int i = 0; i < 3; ++i) {
+      I_Rt(i) = body.inertia(i, 0) * R(j, 0) + body.inertia(i, 1) * R(j, 1) + body.inertia(i, 2) * R(j, 2);
+    }
+    for (int i = 0; i <= j; ++i) { Theta(i, j) = R(i, 0) * I_Rt(0) + R(i, 1) * I_Rt(1) + R(i, 2) * I_Rt(2); }
+  }
+  if constexpr (offset) {
+    // From the frame's origin to the coupling point: with s = mc + ½ m r, Θ + 2 (r·s) 1 − r sᵀ − s rᵀ
+    Vector3<Scalar> s;
+    for (int i = 0; i < 3; ++i) { s(i) = mc(i) + body.mass * r(i) * Scalar(0.5); }
+    const Scalar trace = Scalar(2) * (r(0) * s(0) + r(1) * s(1) + r(2) * s(2));
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i <= j; ++i) { Theta(i, j) -= r(i) * s(j) + s(i) * r(j); }
+      Theta(j, j) += trace;
+    }
+    for (int i = 0; i < 3; ++i) { mc(i) += body.mass * r(i); }
+  }
+  A.set_rigid(body.mass, mc, Theta);
+  if constexpr (velocity) {
+    set(h, cross(omega, cross(omega, mc)), cross(omega, A.moment_of_angular(omega)));
+  } else {
+    h.setZero();
+  }
+}
+
+}  // namespace iim::detail

@@ -1,0 +1,135 @@
+// The outward kinematic loop of the O(n) pass: orientations, Jacobians, velocity terms (8), (19), and bodies (A1), (A2).
+#pragma once
+
+#include <iim/articulated_inertia.hpp>
+#include <iim/errors.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <array>
+#include <utility>
+
+namespace iim {
+
+/// What a scene has; a term that is off costs nothing.
+struct Scene {
+  bool velocity = true;  ///< false: q̇ = 0, and the argument is not read
+  bool gravity = true;   ///< false: free fall
+};
+
+namespace detail {
+
+/// What went wrong first.
+struct Diagnosis {
+  Status status = Status::ok;
+  Index subsystem = -1;
+
+  void fail(Status what, Index where)
+  {
+    if (status == Status::ok) {
+      status = what;
+      subsystem = where;
+    }
+  }
+};
+
+/// Rows first … first + 2 of S q̇: velocity of a frame relative to the inlet.
+template <int first, class Scalar, int n>
+[[gnu::always_inline]] inline Vector3<Scalar> relative(const Eigen::Matrix<Scalar, 6, n>& S_k,
+                                                       const Eigen::Matrix<Scalar, n, 1>& qd)
+{
+  Vector3<Scalar> v(Scalar(0), Scalar(0), Scalar(0));
+  for (int i = 0; i < 3 && n > 0; ++i) {
+    v(i) = S_k(first + i, 0) * qd(0);
+    for (int d = 1; d < n; ++d) { v(i) += S_k(first + i, d) * qd(d); }
+  }
+  return v;
+}
+
+/// Where `motion` writes: the frames of the subsystem in the workspace.
+template <class S, class Workspace, std::size_t... K>
+std::array<FrameMotion<typename S::Scalar, S::n_i>, S::n_frames> frame_motions(Index first, NodeState<S>& state,
+                                                                               Workspace& ws, std::index_sequence<K...>)
+{
+  return {{{ws.frame(first + static_cast<Index>(K)).R, ws.frame(first + static_cast<Index>(K)).r, state.S_k[K],
+            ws.frame(first + static_cast<Index>(K)).bias}...}};
+}
+
+/// From the base outward: orientations, Jacobians, velocity terms, and the bodies in world axes.
+template <Scene scene, class Workspace, class Q, class V>
+void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis)
+{
+  using Scalar = typename Workspace::Scalar;
+  const auto& tree = ws.tree();
+  tree.outward([&]<class N, class S>(const N& node, const S& s) {
+    constexpr MotionPattern pattern = S::pattern;
+    NodeState<S>& state = ws.template node<S>(node);
+    const Placement<Scalar>& at = tree.placement(node.index);
+    Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
+    if (node.inlet < 0) {
+      state.R = at.R;
+      state.r = at.p;
+    } else {
+      const FrameState<Scalar>& inlet = ws.frame(node.inlet);
+      if (tree.placement_turns(node.index)) {
+        multiply(inlet.R, at.R, state.R);
+      } else {
+        state.R = inlet.R;
+      }
+      state.r = inlet.r;
+      add(state.r, times(inlet.R, at.p));
+      if constexpr (scene.velocity) { omega = inlet.omega; }
+    }
+    Coordinates<S> q_i;
+    Velocities<S> qd_i;
+    for (int d = 0; d < S::n_q; ++d) { q_i(d) = q(node.q + d); }
+    for (int d = 0; d < S::n_i; ++d) {
+      if constexpr (scene.velocity) {
+        qd_i(d) = qd(node.v + d);
+      } else {
+        qd_i(d) = Scalar(0);
+      }
+    }
+    if (!all_finite(q_i) || !all_finite(qd_i)) { diagnosis.fail(Status::invalid_state, node.index); }
+
+    auto frames = frame_motions<S>(node.frame, state, ws, std::make_index_sequence<S::n_frames>{});
+    if (!s.motion(state.R, q_i, qd_i, frames)) { diagnosis.fail(Status::invalid_state, node.index); }
+    if constexpr (is_free<S>()) { add(state.r, times(state.R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2)))); }
+    if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
+
+    if constexpr (scene.velocity) {
+      if (node.inlet >= 0) { state.c = cross(omega, cross(omega, state.r)); }
+    }
+    for (int k = 0; k < S::n_frames; ++k) {
+      FrameState<Scalar>& f = ws.frame(node.frame + k);
+      if constexpr (scene.velocity) {
+        // Twist of the frame relative to the inlet, and the accelerations that come with the inlet turning.
+        const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
+        f.omega = omega;
+        if constexpr (pattern.linear) {
+          const Vector3<Scalar> v = relative<0>(S_k, qd_i);
+          const Vector3<Scalar> coriolis = cross(omega, v);
+          for (int i = 0; i < 3; ++i) { f.bias(i) = Scalar(2) * coriolis(i) + (pattern.bias ? f.bias(i) : Scalar(0)); }
+        }
+        if constexpr (pattern.angular) {
+          const Vector3<Scalar> w = relative<3>(S_k, qd_i);
+          const Vector3<Scalar> turning = cross(omega, w);
+          for (int i = 0; i < 3; ++i) { f.bias(i + 3) = turning(i) + (pattern.bias ? f.bias(i + 3) : Scalar(0)); }
+          add(f.omega, w);
+        }
+      }
+      place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
+    }
+    if constexpr (S::n_u > 0) {
+      const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);
+      ws.Bbar().template segment<S::n_i * S::n_u>(node.bbar) = Bbar.reshaped();
+    }
+    if constexpr (has_internal_force<S>()) {
+      ws.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);
+    }
+  });
+}
+
+}  // namespace detail
+}  // namespace iim
