@@ -20,6 +20,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <type_traits>
 #include <vector>
 
@@ -34,14 +35,12 @@ public:
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), inputs_(&inputs), depth_(padded(tree.max_path_v())), rows_(padded(tree.n_v()) + lanes),
         L_(rows_, depth_), L_rows_(depth_, tree.n_v()), beta_(depth_, inputs.max_columns()),
-        acting_(static_cast<std::size_t>(tree.size())), columns_(static_cast<std::size_t>(inputs.max_columns())),
-        result_(tree.n_v(), inputs.max_columns())
+        columns_(static_cast<std::size_t>(inputs.max_columns())), result_(tree.n_v(), inputs.max_columns())
   {
     L_.setZero();
+    L_rows_.setZero();
     beta_.setZero();
-    for (Index id = 0; id < inputs.blocks(); ++id) {
-      acting_[static_cast<std::size_t>(inputs.block(id).subsystem)].push_back(id);
-    }
+    sort_inputs();
     assign_buffers();
     find_limbs();
   }
@@ -64,6 +63,7 @@ public:
 private:
   /// Columns or rows that one step of a loop treats: what a vector register or two hold, or one for other Scalars.
   static constexpr int lanes = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
+  static constexpr int tile = 4;  ///< columns that share one load of L
   using Lanes = Eigen::Array<Scalar, lanes, 1>;
   using LanesMap = Eigen::Map<Lanes>;
   using ConstLanesMap = Eigen::Map<const Lanes>;
@@ -71,12 +71,32 @@ private:
 
   static Index padded(Index size) { return (size + lanes - 1) / lanes * lanes; }
 
-  /// An unbranched run of subsystems: its path positions, and the rows of its subtree.
+  /// An unbranched run of subsystems: its path positions, and its subtree.
   struct Limb {
-    Index parent;           ///< limb that it hangs on; −1: none
-    Index begin, end;       ///< path positions of its own velocities
-    Index v_begin, v_end;   ///< rows of its subtree
+    bool root;                     ///< whether it hangs on the world
+    Index begin, end;              ///< path positions of its own velocities
+    Index v_begin, v_end;          ///< rows of its subtree
+    Index subsystem, subtree_end;  ///< subsystems of its subtree
   };
+
+  /// Where one column of B̂ is worked on and where it goes.
+  struct Column {
+    Index bhat;   ///< column of B̂
+    Index depth;  ///< path positions that the input reaches
+  };
+
+  /// Blocks of inputs in the order of the subsystems that they act on: those of a subtree stand together.
+  void sort_inputs()
+  {
+    for (Index id = 0; id < inputs_->blocks(); ++id) { order_.push_back(id); }
+    std::stable_sort(order_.begin(), order_.end(),
+                     [&](Index a, Index b) { return inputs_->block(a).subsystem < inputs_->block(b).subsystem; });
+    blocks_end_.assign(static_cast<std::size_t>(tree_->size()) + 1, 0);
+    for (const Index id : order_) { ++blocks_end_[static_cast<std::size_t>(inputs_->block(id).subsystem) + 1]; }
+    for (std::size_t i = 1; i < blocks_end_.size(); ++i) { blocks_end_[i] += blocks_end_[i - 1]; }
+    columns_begin_.assign(order_.size() + 1, 0);
+    bhat_column_.assign(order_.size(), 0);
+  }
 
   /// Every frame's H lives until the last of its children is done; the last child may write over it.
   void assign_buffers()
@@ -111,40 +131,48 @@ private:
 
   void find_limbs()
   {
-    const auto children = [&](Index i) {
-      Index count = 0;
-      for (const Node& node : tree_->nodes()) { count += node.parent == i; }
-      return count;
-    };
+    std::vector<Index> children(static_cast<std::size_t>(tree_->size()), 0);
+    for (const Node& node : tree_->nodes()) {
+      if (node.parent >= 0) { ++children[static_cast<std::size_t>(node.parent)]; }
+    }
+    std::vector<std::size_t> limb_of;
     path_end_.resize(static_cast<std::size_t>(tree_->n_v()));
     for (const Node& node : tree_->nodes()) {
       const Index own = (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
-      if (node.parent >= 0 && children(node.parent) == 1) {
-        limb_of_.push_back(limb_of_[static_cast<std::size_t>(node.parent)]);
-        limbs_[static_cast<std::size_t>(limb_of_.back())].end += own;
+      if (node.parent >= 0 && children[static_cast<std::size_t>(node.parent)] == 1) {
+        limb_of.push_back(limb_of[static_cast<std::size_t>(node.parent)]);
+        limbs_[limb_of.back()].end += own;
       } else {
-        const Index parent = node.parent < 0 ? -1 : limb_of_[static_cast<std::size_t>(node.parent)];
-        limb_of_.push_back(static_cast<Index>(limbs_.size()));
-        limbs_.push_back({parent, node.path_v, node.path_v + own, node.v, node.v_end});
+        limb_of.push_back(limbs_.size());
+        limbs_.push_back({node.parent < 0, node.path_v, node.path_v + own, node.v, node.v_end, node.index,
+                          node.subtree_end});
+        roots_ += node.parent < 0;
       }
       for (Index d = 0; d < own; ++d) { path_end_[static_cast<std::size_t>(node.v + d)] = node.path_v + own; }
     }
+    for (const std::size_t limb : limb_of) { limb_end_.push_back(limbs_[limb].end); }
   }
 
   Scalar* H(Index frame) { return buffers_[static_cast<std::size_t>(buffer_of_[static_cast<std::size_t>(frame)])].data(); }
 
+  /// Active columns, in the order of the subsystems that they act on.
   void number_columns()
   {
     Index column = 0;
-    for (Index id = 0; id < inputs_->blocks(); ++id) {
-      const Input<Scalar>& input = inputs_->block(id);
-      if (!input.active) { continue; }
-      for (Index j = 0; j < input.size; ++j) {
-        columns_[static_cast<std::size_t>(column + j)] = {limb_of_[static_cast<std::size_t>(input.subsystem)], 0};
-      }
-      column_of_[static_cast<std::size_t>(id)] = column;
-      column += input.size;
+    for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
+      bhat_column_[id] = column;
+      const Input<Scalar>& input = inputs_->block(static_cast<Index>(id));
+      column += input.active ? input.size : 0;
     }
+    column = 0;
+    for (std::size_t k = 0; k < order_.size(); ++k) {
+      columns_begin_[k] = column;
+      const Input<Scalar>& input = inputs_->block(order_[k]);
+      for (Index j = 0; j < input.size && input.active; ++j) {
+        columns_[static_cast<std::size_t>(column++)].bhat = bhat_column_[static_cast<std::size_t>(order_[k])] + j;
+      }
+    }
+    columns_begin_.back() = column;
   }
 
   /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
@@ -157,9 +185,21 @@ private:
         for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
       }
       if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
-      for (const Index id : acting_[static_cast<std::size_t>(node.index)]) {
-        const Input<Scalar>& input = inputs_->block(id);
-        if (input.active) { project_input(ws, input, column_of_[static_cast<std::size_t>(id)], node.path_v + S::n_i, S::n_i); }
+      const std::size_t end = blocks_end_[static_cast<std::size_t>(node.index) + 1];
+      for (std::size_t k = blocks_end_[static_cast<std::size_t>(node.index)]; k < end; ++k) {
+        const Input<Scalar>& input = inputs_->block(order_[k]);
+        if (!input.active) { continue; }
+        const Index depth = node.path_v + S::n_i;
+        if (input.kind == InputKind::motor) {
+          project_motor<S>(ws, input, columns_begin_[k], depth);
+        } else {
+          project_point(ws.frame(input.frame), input, columns_begin_[k], depth);
+        }
+        for (Index j = columns_begin_[k]; j < columns_begin_[k] + input.size; ++j) {
+          columns_[static_cast<std::size_t>(j)].depth = depth;
+          const Index end = limb_end_[static_cast<std::size_t>(node.index)];
+          std::fill(beta_.data() + j * depth_ + depth, beta_.data() + j * depth_ + end, Scalar(0));
+        }
       }
     });
   }
@@ -222,68 +262,110 @@ private:
     }
   }
 
-  /// β = Lᵀ B̄ (motors) or Hᵀ w (points) in path positions 0 … depth; zero from there to the end of the limb.
-  template <class Workspace>
-  void project_input(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth, Index n_i)
+  /// β = Lᵀ B̄ in path positions 0 … depth; zero from there to the end of the limb.
+  template <class S, class Workspace>
+  void project_motor(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth)
   {
     for (Index j = 0; j < input.size; ++j) {
       Scalar* beta = beta_.data() + (column + j) * depth_;
-      if (input.kind == InputKind::motor) {
-        for (Index a = 0; a < depth; a += lanes) {
-          Lanes sum = Lanes::Zero();
-          for (Index d = 0; d < n_i; ++d) {
-            sum += ConstLanesMap(L_rows_.data() + (input.v + d) * depth_ + a) * ws.Bbar()(input.bbar + j * n_i + d);
-          }
-          LanesMap(beta + a) = sum;
-        }
-      } else {
-        const Vector6<Scalar> w = detail::input_wrench(input, ws.frame(input.frame), j);
-        const Scalar* h = H(input.frame);
-        for (Index a = 0; a < depth; a += lanes) {
-          Lanes sum = ConstLanesMap(h + a) * w(0);
-          for (int c = 1; c < 6; ++c) { sum += ConstLanesMap(h + c * depth_ + a) * w(c); }
-          LanesMap(beta + a) = sum;
-        }
+      const Scalar* Bbar = ws.Bbar().data() + input.bbar + j * S::n_i;
+      for (Index a = 0; a < depth; a += lanes) {
+        Lanes sum = Lanes::Zero();
+        for (int d = 0; d < S::n_i; ++d) { sum += ConstLanesMap(L_rows_.data() + (input.v + d) * depth_ + a) * Bbar[d]; }
+        LanesMap(beta + a) = sum;
       }
-      columns_[static_cast<std::size_t>(column + j)].depth = depth;
     }
   }
 
-  /// Step 3: B̂ = L β, limb by limb: the path positions of a limb reach the rows of its subtree.
+  /// β = Hᵀ w: velocities of the point, and of its body, per path position; the same zeros.
+  void project_point(const FrameState<Scalar>& f, const Input<Scalar>& input, Index column, Index depth)
+  {
+    Vector3<Scalar> x = f.r;
+    detail::add(x, detail::times(f.R, input.point));
+    Matrix3<Scalar> axes;
+    const bool turned = input.axes == Axes::body;
+    if (turned) { detail::multiply(f.R, input.R, axes); }
+    const Scalar* h = H(input.frame);
+    Scalar* beta = beta_.data() + column * depth_;
+    for (Index a = 0; a < depth; a += lanes) {
+      std::array<Lanes, 6> V;
+      for (int c = 0; c < 6; ++c) { V[at(c)] = ConstLanesMap(h + c * depth_ + a); }
+      V[0] += V[4] * x(2) - V[5] * x(1);
+      V[1] += V[5] * x(0) - V[3] * x(2);
+      V[2] += V[3] * x(1) - V[4] * x(0);
+      for (int c = 0; c < static_cast<int>(input.size); ++c) {
+        if (turned) {
+          const int first = c < 3 ? 0 : 3;
+          LanesMap(beta + c * depth_ + a) = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
+                                            V[at(first + 2)] * axes(2, c - first);
+        } else {
+          LanesMap(beta + c * depth_ + a) = V[at(c)];
+        }
+      }
+    }
+  }
+
+  /// Step 3: B̂ = L β, limb by limb: the path positions of a limb take the inputs on its subtree to the rows of it.
   void multiply(Index m)
   {
     auto Bhat = result_.Bhat(m);
-    Bhat.setZero();
-    for (Index j = 0; j < m; ++j) {
-      Index depth = columns_[static_cast<std::size_t>(j)].depth;
-      const Scalar* beta = beta_.data() + j * depth_;
-      for (Index i = columns_[static_cast<std::size_t>(j)].limb; i >= 0; i = limbs_[static_cast<std::size_t>(i)].parent) {
-        const Limb& limb = limbs_[static_cast<std::size_t>(i)];
-        depth = std::min(depth, limb.end);
-        for (Index v = limb.v_begin; v < limb.v_end; v += lanes) {
-          // Rows of the limb itself are zero beyond their own position.
-          const Index rows = std::min<Index>(lanes, limb.v_end - v);
-          const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
-          Lanes sum = Lanes::Zero();
-          const Scalar* l = L_.data() + limb.begin * rows_ + v;
-          for (Index a = limb.begin; a < end; ++a, l += rows_) { sum += ConstLanesMap(l) * beta[a]; }
-          Scalar* b = Bhat.data() + j * Bhat.rows() + v;
-          if (rows == lanes) {
-            LanesMap(b) += sum;
-          } else {
-            for (Index p = 0; p < rows; ++p) { b[p] += sum(p); }
-          }
-        }
-      }
+    if (roots_ != 1) { Bhat.setZero(); }
+    for (const Limb& limb : limbs_) {
+      const Index end = columns_begin_[blocks_end_[static_cast<std::size_t>(limb.subtree_end)]];
+      Index j = columns_begin_[blocks_end_[static_cast<std::size_t>(limb.subsystem)]];
+      for (; j + tile <= end; j += tile) { multiply_tile<tile>(limb, j, Bhat); }
+      for (; j < end; ++j) { multiply_tile<1>(limb, j, Bhat); }
     }
   }
 
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
+  /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
+  template <int count, class Matrix>
+  void multiply_tile(const Limb& limb, Index column, Matrix& Bhat)
+  {
+    Index depth = 0;
+    std::array<Scalar*, count> target;
+    for (int j = 0; j < count; ++j) {
+      const Column& c = columns_[static_cast<std::size_t>(column + j)];
+      depth = std::max(depth, c.depth);
+      target[at(j)] = Bhat.data() + c.bhat * Bhat.rows();
+    }
+    depth = std::min(depth, limb.end);
+    const Scalar* beta = beta_.data() + column * depth_;
+    for (Index v = limb.v_begin; v < limb.v_end; v += lanes) {
+      const Index rows = std::min<Index>(lanes, limb.v_end - v);
+      const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
+      std::array<Lanes, count> sum;
+      for (int j = 0; j < count; ++j) { sum[at(j)].setZero(); }
+      const Scalar* l = L_.data() + limb.begin * rows_ + v;
+      for (Index a = limb.begin; a < end; ++a, l += rows_) {
+        const Lanes L = ConstLanesMap(l);
+        for (int j = 0; j < count; ++j) { sum[at(j)] += L * beta[j * depth_ + a]; }
+      }
+      for (int j = 0; j < count; ++j) { write<8>(target[at(j)] + v, sum[at(j)], 0, rows, limb.root); }
+    }
+  }
 
-  struct Column {
-    Index limb;   ///< that the input acts on
-    Index depth;  ///< path positions that it reaches
-  };
+  /// The first `rows` lanes, in runs of halving length: a limb rarely has a multiple of the lanes.
+  template <int run>
+  static void write(Scalar* target, const Lanes& sum, int done, Index rows, bool assign)
+  {
+    if constexpr (run <= lanes) {
+      if (rows - done >= run) {
+        using Run = Eigen::Array<Scalar, run, 1>;
+        Eigen::Map<Run> to(target + done);
+        const Run part = sum.template segment<run>(done);
+        if (assign) {
+          to = part;
+        } else {
+          to += part;
+        }
+        done += run;
+      }
+    }
+    if constexpr (run > 1) { write<run / 2>(target, sum, done, rows, assign); }
+  }
+
+  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   const Tree* tree_;
   const Inputs<Tree>* inputs_;
@@ -295,11 +377,14 @@ private:
   std::vector<Buffer> buffers_;
   std::vector<int> buffer_of_;
   std::vector<Limb> limbs_;
-  std::vector<Index> limb_of_;   // of a subsystem
-  std::vector<Index> path_end_;  // of a row: path positions up to and including its subsystem
-  std::vector<std::vector<Index>> acting_;  // inputs on each subsystem
+  Index roots_ = 0;
+  std::vector<Index> path_end_;          // of a row: path positions up to and including its subsystem
+  std::vector<Index> limb_end_;          // of a subsystem: path positions at the end of its limb
+  std::vector<Index> order_;             // blocks of inputs, sorted by subsystem
+  std::vector<std::size_t> blocks_end_;  // of a subsystem: place in order_ behind the blocks on those before it
+  std::vector<Index> columns_begin_;     // of a place in order_: first column
+  std::vector<Index> bhat_column_;       // of a block: first column of B̂
   std::vector<Column> columns_;
-  std::vector<Index> column_of_ = std::vector<Index>(static_cast<std::size_t>(inputs_->blocks()));
   detail::ResultMemory<Scalar> result_;
 };
 
