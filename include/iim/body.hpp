@@ -60,21 +60,35 @@ struct Body {
   }
 };
 
-/// Mass, first moment m·c and inertia about the frame's origin: what is left of all bodies that one frame carries.
+/// The rigid body that all bodies carried by one frame make together.
 template <class Scalar>
 struct FrameMass {
   Scalar mass = Scalar(0);
-  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();
-  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();              ///< centre of mass
+  Matrix3<Scalar> central_inertia = Matrix3<Scalar>::Zero();  ///< about the centre of mass
+  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();     ///< m·com
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();          ///< about the frame's origin
   bool present = false;  ///< false: the frame carries nothing, and nothing is computed for it
 
   void add(const Body<Scalar>& body)
   {
     if (body.is_massless) { return; }
-    const Matrix3<Scalar> c = skew(body.com);
-    mass += body.mass;
-    first_moment += body.mass * body.com;
-    inertia += body.inertia - body.mass * (c * c);
+    if (!present) {
+      mass = body.mass;
+      com = body.com;
+      central_inertia = body.inertia;
+    } else {
+      // Only sums of non-negative terms: a small part on a large one keeps its digits.
+      const Vector3<Scalar> apart = body.com - com;
+      const Scalar total = mass + body.mass;
+      const Matrix3<Scalar> d = skew(apart);
+      central_inertia += body.inertia - (mass * body.mass / total) * (d * d);
+      com += (body.mass / total) * apart;
+      mass = total;
+    }
+    first_moment = mass * com;
+    const Matrix3<Scalar> c = skew(com);
+    inertia = central_inertia - mass * (c * c);
     present = true;
   }
 };

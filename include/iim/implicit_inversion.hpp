@@ -254,7 +254,7 @@ private:
         for (int c = 0; c < 6; ++c) {
           Scalar h = Scalar(0);
           if (c < 3 ? S::pattern.linear : S::pattern.angular) {
-            for (int e = 0; e <= d; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
+            for (int e = 0; e < n_i; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
           }
           frame[c * depth_ + d] = h;
         }

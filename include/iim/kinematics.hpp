@@ -56,6 +56,13 @@ std::array<FrameMotion<typename S::Scalar, S::n_i>, S::n_frames> frame_motions(I
             ws.frame(first + static_cast<Index>(K)).bias}...}};
 }
 
+/// Whether a frame of S has a bias acceleration in the linear (0) or angular (3) rows.
+template <Scene scene, class S>
+constexpr bool has_bias(int rows)
+{
+  return scene.velocity && (S::pattern.bias || (rows == 0 ? S::pattern.linear : S::pattern.angular));
+}
+
 /// From the base outward: orientations, Jacobians, velocity terms, and the bodies in world axes.
 template <Scene scene, class Workspace, class Q, class V>
 void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis)
@@ -119,7 +126,12 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis)
           add(f.omega, w);
         }
       }
-      place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
+      if constexpr (Workspace::update == Update::square_root) {
+        place_roots<scene.velocity>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, ws.root(node.frame + k));
+        f.h.setZero();
+      } else {
+        place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
+      }
     }
     if constexpr (S::n_u > 0) {
       const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);

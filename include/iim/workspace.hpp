@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/spatial.hpp>
+#include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree.hpp>
 
@@ -15,6 +16,7 @@ namespace iim {
 enum class Update {
   printed,    ///< A' = A − U W, as (14) and (16) have it: the error grows with the length of the chain
   projected,  ///< A' as a sum of congruences Σ P_bᵀ I_b P_b: a few roundings whatever the length
+  square_root,  ///< N with A = NᵀN in place of A: a few roundings whatever the length and the ratio of masses
 };
 
 /// State of one frame. World axes; at the coupling point of the subsystem that moves the frame.
@@ -41,7 +43,7 @@ struct NodeState {
   Vector3<Scalar> c;                                 ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
   Eigen::Matrix<Scalar, 6, n_i> U;                   ///< guidance–q̇ block of M̄*
   Eigen::Matrix<Scalar, n_i, n_i> MbarR;             ///< D = M̄_R (17)
-  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;    ///< C, upper triangular, with M̄_R⁻¹ = C Cᵀ
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;    ///< C with M̄_R⁻¹ = C Cᵀ
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;         ///< M̄_R⁻¹
   Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0)
   Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
@@ -61,6 +63,11 @@ public:
       : tree_(&tree), nodes_(tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()),
         load_(tree.n_v()), Bbar_(tree.n_bbar())
   {
+    if constexpr (update == Update::square_root) {
+      for (Index f = 0; f < tree.n_frames(); ++f) { frame_body_.emplace_back(tree.frame_mass(f)); }
+      for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
+      root_.resize(frames_.size());
+    }
     qdd_.setZero();
     load_.setZero();
     Bbar_.setZero();
@@ -100,6 +107,12 @@ public:
   FrameState<Scalar>& frame(Index f) { return frames_[static_cast<std::size_t>(f)]; }
   const FrameState<Scalar>& frame(Index f) const { return frames_[static_cast<std::size_t>(f)]; }
 
+  /// N of what frame f carries; with Update::square_root, in place of FrameState::A.
+  detail::RootInertia<Scalar>& root(Index f) { return root_[static_cast<std::size_t>(f)]; }
+  const detail::RootInertia<Scalar>& root(Index f) const { return root_[static_cast<std::size_t>(f)]; }
+  const detail::BodyRoot<Scalar>& frame_body(Index f) const { return frame_body_[static_cast<std::size_t>(f)]; }
+  const detail::BodyRoot<Scalar>& inlet_body(Index i) const { return inlet_body_[static_cast<std::size_t>(i)]; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   VectorX<Scalar>& load() { return load_; }  ///< generalised forces Bu on the velocities themselves
@@ -110,6 +123,9 @@ private:
   const Tree* tree_;
   typename Tree::template Storage<NodeState> nodes_;
   std::vector<FrameState<Scalar>> frames_;
+  std::vector<detail::RootInertia<Scalar>> root_;
+  std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
+  std::vector<detail::BodyRoot<Scalar>> inlet_body_;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
