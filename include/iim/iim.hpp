@@ -1,3 +1,34 @@
+// The library in one include: q̈ = q̈₀ + B̂ u of a tree of mechanical subsystems at one state.
+//
+// A tour, in the order in which a controller meets the parts:
+//
+//     Assembly, DynamicTree, StaticTree   the robot: subsystems, where they hang, constant after construction
+//     Inputs                              which columns B̂ has: motors, forces and wrenches at points
+//     Workspace                           memory of the O(n) pass, and the choice of its Update (accuracy)
+//     forward_dynamics(q, qd, workspace)  the O(n) pass, Sect. 2.3; returns the receipt ForwardDynamics
+//     ImplicitInversion                   B̂ and q̈₀ from the receipt, Algorithm 1; AffineDynamics
+//
+// Not included here, each a header of its own: the other methods for B̂ (unit_force.hpp, global_inverse.hpp,
+// recursive_inverse.hpp), task rows (task.hpp), robots from files (urdf.hpp), the paper's models (models.hpp).
+//
+// Subsystem i hangs with its coupling point on its parent p. Letters of the paper, and their names here:
+//
+//     V_i, V̇_i        FrameState::omega, Vdot angular velocity, acceleration of a frame at the coupling point, world axes
+//     q̇_i             qd                      velocities of subsystem i, n_i
+//     T_ip             NodeState::r, S_k       X(r) [1 S_k]   (8)
+//     Ṫ_ip V_p         NodeState::c, FrameState::bias    (19)
+//     F_i              (0; 0; 1)               (7)
+//     M̄_i, M̄*_i      FrameState::A, NodeState::U, MbarR      [ A U ; Uᵀ M̄_R ]   (10), (14)
+//     h̄_i, h̄*_i      FrameState::h            (10), (15)
+//     M̄_R, M̄_R⁻¹     MbarR, MbarR_inv         (17)
+//     T*_ip            −W X(r)[1 S_k] in its q̇ rows; NodeState::W      (16)
+//     ψ                psi                     M̄_R⁻¹ F_iᵀ h̄*, the part of q̈_i that the inlet's motion leaves   (18)
+//     B̄_i             Bbar                    n_i × n_u, the q̇ rows   (10)
+//     Γ⁻¹, F*          L_, H in implicit_inversion.hpp: Γ⁻¹ and F* with their columns times C, C Cᵀ = M̄_R⁻¹   (48), (31)
+//     B̂, q̈₀          Bhat, qdd0               (2)
+//
+// Not in the paper: the gain W = M̄_R⁻¹ Uᵀ, the inlet (the parent's frame that carries the coupling point), a subsystem's
+// frames (rigid parts that it moves), the scene (Scene), the square-root form (square_root.hpp).
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
