@@ -1,0 +1,28 @@
+# The target iim::urdf for <iim/urdf.hpp>, if liburdfdom is installed; otherwise iim_urdf_missing says what is absent.
+# Read by the project itself and by the installed package.
+if(TARGET iim::urdf)
+  return()
+endif()
+
+# By its CMake package (3.0 and newer); by pkg-config where that is all there is.
+find_package(urdfdom CONFIG QUIET)
+if(TARGET urdfdom::urdfdom_model)
+  set(iim_urdfdom urdfdom::urdfdom_model)
+else()
+  find_package(PkgConfig QUIET)
+  if(PkgConfig_FOUND)
+    pkg_check_modules(iim_urdfdom QUIET IMPORTED_TARGET GLOBAL urdfdom)
+    if(TARGET PkgConfig::iim_urdfdom)
+      set(iim_urdfdom PkgConfig::iim_urdfdom)
+    endif()
+  endif()
+endif()
+
+if(iim_urdfdom)
+  add_library(iim::urdf INTERFACE IMPORTED)
+  target_link_libraries(iim::urdf INTERFACE iim::iim ${iim_urdfdom})
+else()
+  set(iim_urdf_missing "liburdfdom is not installed (Debian, Ubuntu: liburdfdom-dev), neither as CMake package \
+'urdfdom' nor for pkg-config")
+endif()
+unset(iim_urdfdom)

@@ -1,0 +1,28 @@
+# cmake -DFILE=… -DCOMPILE="compiler;options" -P compile_fail.cmake; see CMakeLists.txt beside it.
+if(NOT COMPILE OR NOT EXISTS "${FILE}")
+  message(FATAL_ERROR "FILE and COMPILE are needed")
+endif()
+file(READ "${FILE}" text)
+if(NOT text MATCHES "// EXPECT: ([^\n]+)")
+  message(FATAL_ERROR "${FILE} has no line '// EXPECT: …'")
+endif()
+set(expected "${CMAKE_MATCH_1}")
+
+function(compile result output)
+  execute_process(COMMAND "${CMAKE_COMMAND}" -E env LC_ALL=C ${COMPILE} ${ARGN} -fsyntax-only "${FILE}"
+                  RESULT_VARIABLE code OUTPUT_VARIABLE out ERROR_VARIABLE out)
+  set(${result} "${code}" PARENT_SCOPE)
+  set(${output} "${out}" PARENT_SCOPE)
+endfunction()
+
+compile(code output -DIIM_CORRECT)
+if(NOT code EQUAL 0)
+  message(FATAL_ERROR "With IIM_CORRECT this must compile, and does not:\n${output}")
+endif()
+compile(code output)
+if(code EQUAL 0)
+  message(FATAL_ERROR "This must not compile, and does")
+endif()
+if(NOT output MATCHES "${expected}")
+  message(FATAL_ERROR "The compiler's message does not match '${expected}':\n${output}")
+endif()

@@ -1,0 +1,53 @@
+# What a user does with the finished package: install it, find it, build against it; or take the sources in.
+set(consumer "${CMAKE_CURRENT_SOURCE_DIR}/consumer")
+set(folder "${CMAKE_CURRENT_BINARY_DIR}/consumer")
+set(prefix "${folder}/prefix")
+set(options
+  "-DCMAKE_CXX_COMPILER=${CMAKE_CXX_COMPILER}"
+  "-DCMAKE_CXX_FLAGS=${CMAKE_CXX_FLAGS}"
+  "-DCMAKE_CXX_FLAGS_DEBUG=${CMAKE_CXX_FLAGS_DEBUG}"
+  "-DCMAKE_CXX_COMPILER_LAUNCHER=${CMAKE_CXX_COMPILER_LAUNCHER}"
+  "-DCMAKE_BUILD_TYPE=$<CONFIG>"
+  "-DCMAKE_PREFIX_PATH=${prefix}"
+  # What this machine has installed elsewhere is not what is tested here.
+  -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
+# A list as one argument of a list.
+string(REPLACE ";" "\\;" user_prefixes "${CMAKE_PREFIX_PATH}")
+if(user_prefixes)
+  list(TRANSFORM options REPLACE "^(-DCMAKE_PREFIX_PATH=.*)$" "\\1\\\\;${user_prefixes}")
+endif()
+
+add_test(NAME install
+  COMMAND "${CMAKE_COMMAND}" --install "${PROJECT_BINARY_DIR}" --prefix "${prefix}" --config $<CONFIG>)
+set_tests_properties(install PROPERTIES FIXTURES_SETUP iim_installed LABELS build)
+
+# consumer_test(NAME program from request…): configures, builds and runs.
+function(consumer_test name program from)
+  add_test(NAME consumer_${name}
+    COMMAND "${CMAKE_CTEST_COMMAND}" --build-and-test "${consumer}" "${folder}/${name}"
+      --build-generator "${CMAKE_GENERATOR}" --build-noclean
+      --build-options ${options} "-DIIM_FROM=${from}" "-DIIM_REQUEST=${ARGN}"
+      --test-command "${folder}/${name}/${program}")
+  set_tests_properties(consumer_${name} PROPERTIES FIXTURES_REQUIRED iim_installed LABELS build)
+endfunction()
+
+# refused(NAME message request…): find_package must fail, and say why.
+function(refused name message request)
+  add_test(NAME consumer_${name}
+    COMMAND "${CMAKE_COMMAND}" -S "${consumer}" -B "${folder}/${name}" -G "${CMAKE_GENERATOR}" ${options}
+      -DIIM_FROM=package "-DIIM_REQUEST=${request}" ${ARGN})
+  # CMake wraps its messages: a blank in `message` is any white space.
+  string(REPLACE " " "[ \n]+" pattern "${message}")
+  set_tests_properties(consumer_${name} PROPERTIES FIXTURES_REQUIRED iim_installed LABELS build
+                       PASS_REGULAR_EXPRESSION "${pattern}")
+endfunction()
+
+consumer_test(find_package consumer package ${PROJECT_VERSION})
+consumer_test(add_subdirectory consumer "${PROJECT_SOURCE_DIR}")
+refused(wrong_version "version: ${PROJECT_VERSION}" "99.0")
+refused(wrong_component "component 'nonsense' of iim: there is no such component" "COMPONENTS\\;nonsense")
+refused(urdf_absent "component 'urdf' of iim: liburdfdom is not installed" "COMPONENTS\\;urdf"
+        -DCMAKE_DISABLE_FIND_PACKAGE_urdfdom=ON -DCMAKE_DISABLE_FIND_PACKAGE_PkgConfig=ON)
+if(TARGET iim::urdf AND EXISTS "${PROJECT_SOURCE_DIR}/include/iim/urdf.hpp")
+  consumer_test(urdf consumer_urdf package "COMPONENTS\\;urdf")
+endif()
