@@ -1,0 +1,266 @@
+// What stands in a URDF file beside urdfdom's model: lines for messages, <transmission>, and what urdfdom says to stderr.
+#pragma once
+
+#if !__has_include(<urdf_parser/urdf_parser.h>)
+#error "iim/urdf.hpp needs liburdfdom (in Debian and Ubuntu: liburdfdom-dev)"
+#endif
+
+#include <iim/errors.hpp>
+#include <iim/subsystem/joint.hpp>
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+// The XML library that urdfdom is made with: tinyxml until 3, tinyxml2 from 4.
+#if !defined(TINYXML_INCLUDED) && !defined(TINYXML2_INCLUDED)
+#include <tinyxml2.h>
+#endif
+
+#include <cctype>
+#include <cstddef>
+#include <exception>
+#include <locale>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace iim::detail::urdf_file {
+
+#ifdef TINYXML2_INCLUDED
+using Document = tinyxml2::XMLDocument;
+using Element = tinyxml2::XMLElement;
+inline int row(const Element& e) { return e.GetLineNum(); }
+inline bool parse(Document& document, const std::string& text)
+{
+  return document.Parse(text.c_str(), text.size()) == tinyxml2::XML_SUCCESS;
+}
+inline std::pair<int, std::string> failure(const Document& document)
+{
+  return {document.ErrorLineNum(), document.ErrorStr()};
+}
+#else
+using Document = TiXmlDocument;
+using Element = TiXmlElement;
+inline int row(const Element& e) { return e.Row(); }
+inline bool parse(Document& document, const std::string& text)
+{
+  document.Parse(text.c_str());
+  return !document.Error();
+}
+inline std::pair<int, std::string> failure(const Document& document)
+{
+  return {document.ErrorRow(), document.ErrorDesc()};
+}
+#endif
+
+/// Calls f for the children of that name; of any name if it is null.
+template <class F>
+void for_each_child(const Element& parent, const char* name, F&& f)
+{
+  const auto* child = name != nullptr ? parent.FirstChildElement(name) : parent.FirstChildElement();
+  while (child != nullptr) {
+    f(*child);
+    child = name != nullptr ? child->NextSiblingElement(name) : child->NextSiblingElement();
+  }
+}
+
+inline std::string attribute(const Element& e, const char* name)
+{
+  const char* text = e.Attribute(name);
+  return text != nullptr ? text : "";
+}
+
+inline std::string link_of(const Element& joint, const char* end)
+{
+  const Element* e = joint.FirstChildElement(end);
+  return e != nullptr ? attribute(*e, "link") : "";
+}
+
+/// The file's name and where in it the links and joints are, for messages.
+struct Source {
+  std::string name;
+  std::map<std::string, int> links{};
+  std::map<std::string, int> joints{};
+
+  std::string at(int row) const { return name + ":" + std::to_string(row) + ": "; }
+  std::string link(const std::string& item) const { return at(links.at(item)) + "link '" + item + "'"; }
+  std::string joint(const std::string& item) const { return at(joints.at(item)) + "joint '" + item + "'"; }
+};
+
+/// Collects what urdfdom says, and keeps it from stderr, while it lives. One at a time: console_bridge is global.
+class Messages : public console_bridge::OutputHandler {
+public:
+  Messages() : lock_(mutex()), before_(console_bridge::getOutputHandler()), level_(console_bridge::getLogLevel())
+  {
+    console_bridge::useOutputHandler(this);
+    console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_WARN);
+  }
+  ~Messages() override
+  {
+    console_bridge::setLogLevel(level_);
+    console_bridge::useOutputHandler(before_);
+  }
+  Messages(const Messages&) = delete;
+  Messages& operator=(const Messages&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel, const char*, int) override { texts_.push_back(text); }
+  const std::vector<std::string>& texts() const { return texts_; }
+
+private:
+  static std::mutex& mutex()
+  {
+    static std::mutex only;
+    return only;
+  }
+  std::lock_guard<std::mutex> lock_;
+  console_bridge::OutputHandler* before_;
+  console_bridge::LogLevel level_;
+  std::vector<std::string> texts_;
+};
+
+/// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several parents, loops.
+inline Source survey(const Element& robot, const std::string& name)
+{
+  Source source{name};
+  std::map<std::string, std::string> parent_of;
+  std::map<std::string, std::string> joint_of;
+  for_each_child(robot, nullptr, [&](const Element& e) {
+    const std::string kind = e.Value();
+    if (kind.starts_with("xacro:")) {
+      throw ModelError(source.at(row(e)) + "<" + kind + ">: the file must be expanded by xacro first");
+    }
+    if (kind == "link") { source.links.emplace(attribute(e, "name"), row(e)); }
+    if (kind != "joint") { return; }
+    const std::string joint = attribute(e, "name");
+    source.joints.emplace(joint, row(e));
+    const std::string type = attribute(e, "type");
+    if (type == "planar") {
+      throw ModelError(source.joint(joint) + ": planar joints are not supported; chain two prismatic and one revolute");
+    }
+    if (type != "revolute" && type != "continuous" && type != "prismatic" && type != "fixed" && type != "floating") {
+      throw ModelError(source.joint(joint) + ": unknown type '" + type + "'");
+    }
+    const std::string child = link_of(e, "child");
+    if (!joint_of.emplace(child, joint).second) {
+      throw ModelError(source.joint(joint) + ": link '" + child + "' has a parent already, by joint '" + joint_of[child] +
+                       "'");
+    }
+    parent_of[child] = link_of(e, "parent");
+  });
+  for (const auto& [link, joint] : joint_of) {
+    std::string ancestor = link;
+    for (std::size_t steps = 0; parent_of.contains(ancestor); ++steps) {
+      if (steps > parent_of.size()) {
+        throw ModelError(source.joint(joint) + ": link '" + link + "' hangs on a loop of joints");
+      }
+      ancestor = parent_of[ancestor];
+    }
+  }
+  return source;
+}
+
+inline std::vector<double> numbers(const std::string& text, std::size_t count, const std::string& where)
+{
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  std::vector<double> values;
+  for (double x = 0; stream >> x;) { values.push_back(x); }
+  if (!stream.eof() || values.size() != count) {
+    throw ModelError(where + ": expected " + std::to_string(count) + (count == 1 ? " number" : " numbers") + ", got '" + text +
+                     "'");
+  }
+  return values;
+}
+
+/// mechanicalReduction, mechanical_reduction, drake:gear_ratio, …: lower case without prefix and underscores.
+inline std::string plain(std::string name)
+{
+  name.erase(0, name.find(':') + 1);
+  std::erase(name, '_');
+  for (char& c : name) { c = static_cast<char>(std::tolower(static_cast<unsigned char>(c))); }
+  return name;
+}
+
+/// What one <transmission> says of its joint's motor.
+struct Transmission {
+  double ratio = 1;
+  double rotor_inertia = 0;                     ///< [kg m²]
+  std::optional<Eigen::Vector3d> rotor_axis{};  ///< in joint axes
+};
+
+/// Adds the motor of one <transmission> to those by joint.
+inline void read_transmission(const Element& e, const Source& source, std::map<std::string, Transmission>& motors)
+{
+  const std::string where = source.at(row(e)) + "transmission '" + attribute(e, "name") + "'";
+  std::vector<std::string> joints;
+  for_each_child(e, "joint", [&](const Element& joint) { joints.push_back(attribute(joint, "name")); });
+  if (joints.size() != 1) {
+    throw ModelError(where + ": must name one joint, names " + std::to_string(joints.size()) +
+                     " (UrdfOptions::transmissions = false leaves all of them out)");
+  }
+  if (!source.joints.contains(joints[0])) { throw ModelError(where + ": there is no joint '" + joints[0] + "'"); }
+
+  Transmission motor;
+  std::map<std::string, std::string> given;
+  const auto read = [&](const Element& parameter) {
+    std::string name = plain(parameter.Value());
+    if (name == "mechanicalreduction") { name = "gearratio"; }
+    if (name != "gearratio" && name != "rotorinertia" && name != "rotoraxis") { return; }
+    const char* text = parameter.GetText();
+    const std::string value = attribute(parameter, name == "rotoraxis" ? "xyz" : "value") + (text != nullptr ? text : "");
+    const std::string item = where + ": <" + parameter.Value() + ">";
+    const auto [before, is_new] = given.emplace(name, value);
+    if (!is_new && before->second != value) {
+      throw ModelError(item + " is given twice, '" + before->second + "' and '" + value + "'");
+    }
+    const std::vector<double> x = numbers(value, name == "rotoraxis" ? 3 : 1, item);
+    if (name == "gearratio") {
+      motor.ratio = x[0];
+      if (x[0] == 0) { throw ModelError(item + " must not be zero, got " + value); }
+    } else if (name == "rotorinertia") {
+      motor.rotor_inertia = x[0];
+      if (x[0] < 0) { throw ModelError(item + " must not be negative, got " + value + " kg m²"); }
+    } else {
+      motor.rotor_axis = UnitAxis<double>(Eigen::Vector3d(x[0], x[1], x[2]), item).direction;
+    }
+  };
+  for_each_child(e, nullptr, read);
+  for_each_child(e, "joint", [&](const Element& joint) { for_each_child(joint, nullptr, read); });
+  for_each_child(e, "actuator", [&](const Element& actuator) { for_each_child(actuator, nullptr, read); });
+  if (!motors.emplace(joints[0], motor).second) { throw ModelError(where + ": joint '" + joints[0] + "' has one already"); }
+}
+
+/// All of them, those of ros2_control among them.
+inline std::map<std::string, Transmission> read_transmissions(const Element& robot, const Source& source)
+{
+  std::map<std::string, Transmission> motors;
+  const auto read = [&](const Element& e) { read_transmission(e, source, motors); };
+  for_each_child(robot, "transmission", read);
+  for_each_child(robot, "ros2_control", [&](const Element& control) { for_each_child(control, "transmission", read); });
+  return motors;
+}
+
+/// urdfdom's model of a text. Throws ModelError with what urdfdom says if there is none; else leaves it in `warnings`.
+inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const std::string& name,
+                                                std::vector<std::string>& warnings)
+{
+  urdf::ModelInterfaceSharedPtr model;
+  std::string reasons;
+  Messages messages;
+  try {
+    model = urdf::parseURDF(text);
+  } catch (const std::exception& e) {
+    reasons = std::string(": ") + e.what();
+  }
+  if (!model) {
+    for (const std::string& message : messages.texts()) { reasons += ": " + message; }
+    throw ModelError(name + reasons);
+  }
+  warnings = messages.texts();
+  return model;
+}
+
+}  // namespace iim::detail::urdf_file
