@@ -1,152 +1,297 @@
 #!/bin/sh
-# The commands of the README. Installs what is missing with the system's package manager, and says so.
+# The library from nothing but a shell. `sh cmake/run.sh help` says what it can do.
 set -eu
 
-usage() {
-  cat <<TXT
-usage: sh cmake/run.sh <verb> [-- arguments of ctest or of the program]
+top=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
+build=$top/build
 
-  test       builds and runs every test
-  tables     builds Release, reproduces the paper's tables and figures, leaves them in build/report/
-  peers      compares with other libraries that are installed, leaves build/report/peers.md
-  accuracy   error against run time of all variants, leaves build/report/accuracy.md
-  install    only installs what the verbs above need
+help() {
+  cat <<'TEXT'
+sh cmake/run.sh VERB [-- further arguments]
 
-environment: CXX (compiler), IIM_BUILD_DIR (default build/), IIM_CMAKE_ARGS (more arguments for cmake)
-TXT
+  tables     builds the benchmark program in Release, reproduces the paper's tables and figures; leaves build/report/
+             (further arguments go to iim_tables, for example --quick)
+  test       builds and runs every test (further arguments go to ctest, for example -R urdf)
+  peers      compares with other libraries, those that this machine has; leaves build/report/
+  accuracy   error by scalar, update and model; leaves build/report/
+  setup VERB [clang]   only installs what VERB needs (and clang++)
+  help       this text
+
+What a verb needs and the machine lacks is installed by the system's package manager (apt-get; on other systems the
+packages are named for you to install). With nothing missing, neither root nor network is needed.
+
+Environment
+  CXX                         the compiler; else the first of c++, g++, clang++ … that is new enough (g++ 12, clang++ 14)
+  CXXFLAGS                    further compiler flags
+  IIM_PRESET                  test: one of CMakePresets.json (test, gcc, clang, asan-ubsan, debug, release)
+  IIM_NO_INSTALL=1            install nothing, look for nothing: CMake will say what it does not find
+  CMAKE_BUILD_PARALLEL_LEVEL  how many compilers at a time
+TEXT
 }
 
 say() { printf '== %s\n' "$*"; }
-fail() { printf 'error: %s\n' "$*" >&2; exit 1; }
+die() { printf 'run.sh: %s\n' "$*" >&2; exit 1; }
 
-cd "$(dirname "$0")/.."
-verb=${1:-help}
-[ $# -gt 0 ] && shift
-[ "${1:-}" = "--" ] && shift
-build=${IIM_BUILD_DIR:-build}
+# --- what is there -------------------------------------------------------------------------------------------------
 
-# Debian's and Ubuntu's package of each thing.
-package_of() {
+have_header() {  # have_header FILE…: one of the files in an include folder of the usual prefixes
+  for name in "$@"; do
+    for prefix in $(printf '%s' "${CMAKE_PREFIX_PATH:-}" | tr ':;' '  ') /usr/local /usr /opt/homebrew; do
+      [ -e "$prefix/include/$name" ] && return 0
+    done
+  done
+  return 1
+}
+
+new_enough() {  # new_enough COMPILER: a C++20 compiler with its standard library, g++ 12 or clang++ 14
+  command -v "$1" > /dev/null 2>&1 || return 1
+  printf '%s\n' '#include <concepts>' '#include <numbers>' '#if defined(__clang__)' '#if __clang_major__ < 14' \
+    '#error' '#endif' '#elif __GNUC__ < 12' '#error' '#endif' \
+    'int main() { return []<std::floating_point T>(T x) { return x > std::numbers::pi_v<T>; }(0.0f); }' |
+    "$1" -std=c++20 -x c++ -fsyntax-only - > /dev/null 2>&1
+}
+
+find_compiler() {  # sets compiler; empty if there is none
+  compiler=
+  if [ -n "${CXX:-}" ]; then
+    new_enough "$CXX" && compiler=$CXX
+    return 0
+  fi
+  for name in c++ g++ clang++ g++-15 g++-14 g++-13 g++-12 clang++-19 clang++-18 clang++-17 clang++-16 clang++-15 \
+              clang++-14; do
+    if new_enough "$name"; then compiler=$name; return 0; fi
+  done
+}
+
+have_cmake() {
+  command -v cmake > /dev/null 2>&1 || return 1
+  cmake --version | awk 'NR == 1 { split($3, v, "."); exit !(v[1] > 3 || (v[1] == 3 && v[2] >= 22)) }'
+}
+
+have() {  # have THING
   case $1 in
-    cmake) echo cmake ;;
-    compiler) echo g++ ;;
-    make) echo make ;;
-    eigen) echo libeigen3-dev ;;
-    catch2) echo catch2 ;;
-    benchmark) echo libbenchmark-dev ;;
-    boost) echo libboost-dev ;;
-    json) echo nlohmann-json3-dev ;;
-    urdf) echo liburdfdom-dev libtinyxml2-dev libconsole-bridge-dev ;;
-    gnuplot) echo gnuplot-nox ;;
-    clang) echo clang ;;
-    mujoco) echo libmujoco-dev ;;
-    dart) echo libdart-dev ;;
-    simbody) echo libsimbody-dev ;;
-    kdl) echo liborocos-kdl-dev ;;
-    *) echo "$1" ;;
+    cmake) have_cmake ;;
+    compiler) find_compiler; [ -n "$compiler" ] ;;
+    clang) new_enough clang++ ;;
+    maker) command -v ninja > /dev/null 2>&1 || command -v make > /dev/null 2>&1 ;;
+    eigen) have_header eigen3/Eigen/Core Eigen/Core || [ -n "${Eigen3_DIR:-}" ] ;;
+    catch2) have_header catch2/catch.hpp catch2/catch_all.hpp || [ -n "${Catch2_DIR:-}" ] ;;
+    benchmark) have_header benchmark/benchmark.h || [ -n "${benchmark_DIR:-}" ] ;;
+    boost) have_header boost/multiprecision/cpp_bin_float.hpp || [ -n "${Boost_DIR:-}" ] ;;
+    json) have_header nlohmann/json.hpp || [ -n "${nlohmann_json_DIR:-}" ] ;;
+    urdf) have_header urdf_parser/urdf_parser.h urdfdom/urdf_parser/urdf_parser.h || [ -n "${urdfdom_DIR:-}" ] ;;
+    gnuplot) command -v gnuplot > /dev/null 2>&1 ;;
+    mujoco) have_header mujoco/mujoco.h ;;
+    dart) have_header dart/dart.hpp ;;
+    simbody) have_header simbody/Simbody.h ;;
+    kdl) have_header kdl/tree.hpp ;;
+    *) die "unknown thing $1" ;;
   esac
 }
 
-# install_packages PACKAGE...: 0 if they are there afterwards.
-install_packages() {
-  if ! command -v apt-get >/dev/null 2>&1; then
-    say "no apt-get here; please install by hand: $*"
-    return 1
-  fi
-  as_root=""
-  if [ "$(id -u)" -ne 0 ]; then
-    command -v sudo >/dev/null 2>&1 || { say "root is needed to install: $*"; return 1; }
-    as_root="sudo"
-  fi
-  say "installing with apt-get: $*"
-  if $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" >"$log" 2>&1; then
-    return 0
-  fi
-  say "the package lists are old or absent: apt-get update"
-  $as_root apt-get update -q >"$log" 2>&1 || { tail -n 5 "$log"; return 1; }
-  $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$@" >"$log" 2>&1 ||
-    { tail -n 5 "$log"; return 1; }
+package_of() {  # package_of SYSTEM THING: the name of the package
+  case $1:$2 in
+    apt:cmake | dnf:cmake | pacman:cmake) echo cmake ;;
+    apt:compiler) apt_compiler ;;
+    dnf:compiler) echo gcc-c++ ;;
+    pacman:compiler) echo gcc ;;
+    *:clang) echo clang ;;
+    apt:maker | dnf:maker) echo ninja-build ;;
+    pacman:maker) echo ninja ;;
+    apt:eigen) echo libeigen3-dev ;;
+    dnf:eigen) echo eigen3-devel ;;
+    pacman:eigen) echo eigen ;;
+    apt:catch2 | pacman:catch2) echo catch2 ;;
+    dnf:catch2) echo catch-devel ;;
+    apt:benchmark) echo libbenchmark-dev ;;
+    dnf:benchmark) echo google-benchmark-devel ;;
+    pacman:benchmark) echo benchmark ;;
+    apt:boost) echo libboost-dev ;;
+    dnf:boost) echo boost-devel ;;
+    pacman:boost) echo boost ;;
+    apt:json) echo nlohmann-json3-dev ;;
+    dnf:json) echo json-devel ;;
+    pacman:json) echo nlohmann-json ;;
+    apt:urdf) echo liburdfdom-dev ;;
+    dnf:urdf) echo urdfdom-devel ;;
+    pacman:urdf) echo urdfdom ;;
+    apt:gnuplot) echo gnuplot-nox ;;
+    *:gnuplot) echo gnuplot ;;
+    apt:mujoco) echo libmujoco-dev ;;
+    apt:dart) echo libdart-dev ;;
+    apt:simbody) echo libsimbody-dev ;;
+    apt:kdl) echo liborocos-kdl-dev ;;
+    *) echo "$2" ;;
+  esac
 }
 
-# need REQUIRED OPTIONAL: installs what is missing of two lists of names; only what is required may stop us.
-need() {
-  mkdir -p "$build"
-  log=$build/install.log
-  : >"$log"
-  missing=""
-  command -v cmake >/dev/null 2>&1 || missing="$missing $(package_of cmake)"
-  command -v "${CXX:-c++}" >/dev/null 2>&1 ||
-    case ${CXX:-c++} in *clang*) missing="$missing $(package_of clang)" ;; *) missing="$missing $(package_of compiler)" ;; esac
-  command -v ninja >/dev/null 2>&1 || command -v make >/dev/null 2>&1 || missing="$missing $(package_of make)"
-  # shellcheck disable=SC2086
-  [ -z "$missing" ] || install_packages $missing || fail "needed:$missing"
+apt_compiler() {  # the system's g++ if it is new enough, else the newest that has a package
+  default=$(apt-cache policy g++ 2> /dev/null | sed -n 's/^ *Candidate: *\([0-9]*:\)\{0,1\}\([0-9]*\).*/\2/p')
+  if [ "${default:-0}" -lt 12 ]; then
+    for version in 14 13 12; do
+      if apt-cache show "g++-$version" > /dev/null 2>&1; then echo "g++-$version"; return; fi
+    done
+  fi
+  echo g++
+}
 
-  wanted=$(echo $1 $2 | tr ' ' ';')
-  rm -rf "$build/probe"
-  absent=$(cmake -S cmake/probe -B "$build/probe" -DIIM_WANTED="$wanted" ${CXX:+-DCMAKE_CXX_COMPILER="$CXX"} \
-             ${IIM_CMAKE_ARGS:-} 2>"$log" | sed -n 's/^-- missing: //p') || { cat "$log"; fail "cmake does not work here"; }
-  case " $1 $2 " in *" gnuplot "*) command -v gnuplot >/dev/null 2>&1 || absent="$absent gnuplot" ;; esac
-  for name in $absent; do
-    packages=$(package_of "$name")
-    case " $1 " in
-      # shellcheck disable=SC2086
-      *" $name "*) install_packages $packages || fail "$name is needed (Debian, Ubuntu: $packages)" ;;
-      # shellcheck disable=SC2086
-      *) install_packages $packages || say "without $name ($packages): what wants it is left out" ;;
-    esac
+# --- what is missing ------------------------------------------------------------------------------------------------
+
+needs_of() {  # what VERB cannot do without
+  case $1 in
+    test) echo cmake compiler maker eigen catch2 ;;
+    tables) echo cmake compiler maker eigen benchmark boost ;;
+    peers | accuracy) echo cmake compiler maker eigen benchmark boost ;;
+    *) die "there is no verb '$1' (sh cmake/run.sh help)" ;;
+  esac
+}
+
+wants_of() {  # what VERB does less without
+  case $1 in
+    test) echo boost urdf json ;;
+    tables | accuracy) echo gnuplot ;;
+    peers) echo gnuplot urdf mujoco dart simbody kdl ;;
+  esac
+}
+
+missing_of() {
+  for thing in "$@"; do
+    have "$thing" || printf '%s ' "$thing"
   done
-  [ -n "$absent" ] || say "nothing to install"
 }
 
-configure_and_build() { # folder, then arguments of cmake
+as_root() {
+  if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
+}
+
+apt_install() {  # apt_install NEEDED WANTED: two lists of things
+  if [ "$(id -u)" -ne 0 ] && ! command -v sudo > /dev/null 2>&1; then return 1; fi
+  say "apt-get update"
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq update || say "apt-get update failed; going on with the lists that are there"
+  packages=
+  for thing in $1; do packages="$packages $(package_of apt "$thing")"; done
+  for thing in $2; do
+    package=$(package_of apt "$thing")
+    if apt-cache policy "$package" 2> /dev/null | grep -q 'Candidate: [^(]'; then
+      packages="$packages $package"
+    else
+      say "this system has no package $package"
+    fi
+  done
+  [ -n "$packages" ] || return 0
+  say "apt-get install$packages"
+  # shellcheck disable=SC2086
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install $packages
+}
+
+provide() {  # provide NEEDED WANTED: installs what is missing; fails if something needed stays missing
+  # shellcheck disable=SC2086
+  needed=$(missing_of $1)
+  # shellcheck disable=SC2086
+  wanted=$(missing_of $2)
+  [ -n "$needed$wanted" ] || return 0
+  say "missing: $needed$wanted"
+  if command -v apt-get > /dev/null 2>&1; then
+    apt_install "$needed" "$wanted" || say "apt-get could not install everything (root, or sudo, is needed for it)"
+    manager='apt-get install'
+    system=apt
+  elif command -v dnf > /dev/null 2>&1; then
+    manager='dnf install'
+    system=dnf
+  elif command -v pacman > /dev/null 2>&1; then
+    manager='pacman -S'
+    system=pacman
+  else
+    manager='your package manager:'
+    system=other
+  fi
+  # shellcheck disable=SC2086
+  needed=$(missing_of $1)
+  # shellcheck disable=SC2086
+  wanted=$(missing_of $2)
+  if [ -n "$wanted" ]; then
+    say "going on without: $wanted"
+    if [ $system != apt ]; then say "to have it: $manager$(for t in $wanted; do printf ' %s' "$(package_of $system "$t")"; done)"; fi
+  fi
+  if [ -n "$needed" ]; then
+    die "cannot go on without: $needed
+  $manager$(for t in $needed; do printf ' %s' "$(package_of $system "$t")"; done)
+  (a compiler must be g++ 12, clang++ 14, or newer; CXX names one)"
+  fi
+}
+
+prepare() {  # prepare VERB
+  [ -z "${IIM_NO_INSTALL:-}" ] || return 0
+  provide "$(needs_of "$1")" "$(wants_of "$1")"
+}
+
+# --- the verbs ------------------------------------------------------------------------------------------------------
+
+jobs() {  # one compiler per core, and 1.5 GB for each
+  cores=$(getconf _NPROCESSORS_ONLN 2> /dev/null || echo 1)
+  memory=$(awk '/^MemAvailable/ { print int($2 / 1500000) }' /proc/meminfo 2> /dev/null || true)
+  if [ -n "$memory" ] && [ "$memory" -lt "$cores" ]; then cores=$memory; fi
+  [ "$cores" -ge 1 ] || cores=1
+  echo "$cores"
+}
+
+configure_and_build() {  # configure_and_build FOLDER PRESET [cmake arguments]
   folder=$1
-  shift
-  generator=""
-  [ -f "$folder/CMakeCache.txt" ] || { command -v ninja >/dev/null 2>&1 && generator="-G Ninja"; }
+  preset=$2
+  shift 2
+  find_compiler
+  generator=
+  if [ ! -e "$folder/CMakeCache.txt" ] && command -v ninja > /dev/null 2>&1; then generator='-G Ninja'; fi
   say "configuring $folder"
   # shellcheck disable=SC2086
-  cmake -S . -B "$folder" $generator ${CXX:+-DCMAKE_CXX_COMPILER="$CXX"} "$@" ${IIM_CMAKE_ARGS:-}
-  say "building $folder"
-  cmake --build "$folder" --parallel "$(nproc 2>/dev/null || echo 2)"
+  (cd "$top" && cmake --preset "$preset" -B "$folder" $generator ${compiler:+"-DCMAKE_CXX_COMPILER=$compiler"} "$@")
+  say "building with ${compiler:-the default compiler}"
+  cmake --build "$folder" --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(jobs)}"
 }
 
-bench_program() { # program, then its arguments
-  program=$1
-  shift
-  configure_and_build "$build/bench" -DCMAKE_BUILD_TYPE=Release -DIIM_BUILD_TESTING=OFF -DIIM_BUILD_EXAMPLES=OFF
-  [ -x "$build/bench/bench/$program" ] || fail "$program was left out of the build; the lines above say what it lacks"
+run_test() {
+  prepare test
+  find_compiler
+  preset=${IIM_PRESET:-test}
+  folder=$build/$preset-$(basename "${compiler:-default}")
+  configure_and_build "$folder" "$preset"
+  say "running the tests"
+  cd "$folder"
+  ctest --output-on-failure --no-tests=error "$@"
+}
+
+run_program() {  # run_program VERB PROGRAM [arguments]
+  verb=$1
+  program=$2
+  shift 2
+  grep -qs "^// PROGRAM: $program *\$" "$top"/bench/*.cpp || die "this version has no $program, so there is no '$verb' yet"
+  prepare "$verb"
+  find_compiler
+  folder=$build/bench-$(basename "${compiler:-default}")
+  configure_and_build "$folder" bench
+  [ -x "$folder/bench/$program" ] || die "$program was left out of the build; the lines 'Left out' above say why"
+  say "running $program, report in $build/report"
   mkdir -p "$build/report"
-  say "running $program"
-  "$build/bench/bench/$program" --out "$build/report" "$@"
-  say "report: $build/report/"
+  "$folder/bench/$program" --out "$build/report" "$@"
+  say "report: $build/report"
 }
 
+verb=${1:-help}
+[ $# -eq 0 ] || shift
 case $verb in
-  test)
-    need "eigen catch2" "boost json urdf"
-    name=$(basename "${CXX:-c++}")
-    configure_and_build "$build/test-$name" -DCMAKE_BUILD_TYPE=Release -DIIM_BUILD_BENCH=OFF
-    say "testing"
-    ctest --test-dir "$build/test-$name" --output-on-failure --parallel "$(nproc 2>/dev/null || echo 2)" "$@"
+  setup)
+    things=$(needs_of "${1:-test}")
+    if [ "${2:-}" = clang ]; then things="$things clang"; fi
+    provide "$things" "$(wants_of "${1:-test}")"
+    exit 0
     ;;
-  tables)
-    need "eigen benchmark boost" "gnuplot"
-    bench_program iim_tables "$@"
-    ;;
-  peers)
-    need "eigen benchmark boost" "gnuplot urdf mujoco dart simbody kdl"
-    bench_program iim_peers "$@"
-    ;;
-  accuracy)
-    need "eigen boost" "gnuplot"
-    bench_program iim_accuracy "$@"
-    ;;
-  install)
-    need "eigen catch2 benchmark boost" "json urdf gnuplot"
-    ;;
-  help | -h | --help) usage ;;
-  *)
-    usage >&2
-    fail "no verb '$verb'"
-    ;;
+esac
+[ "${1:-}" != -- ] || shift
+case $verb in
+  test) run_test "$@" ;;
+  tables) run_program tables iim_tables "$@" ;;
+  peers) run_program peers iim_peers "$@" ;;
+  accuracy) run_program accuracy iim_accuracy "$@" ;;
+  help | -h | --help) help ;;
+  *) help >&2; die "there is no verb '$verb'" ;;
 esac
