@@ -1,0 +1,36 @@
+// PART OF: iim_tables
+// REQUIRES: boost
+// The multiprecision reference.
+#include "reference.hpp"
+
+#include <boost/multiprecision/cpp_bin_float.hpp>
+
+#include <stdexcept>
+
+namespace bench {
+
+namespace {
+
+using Digits50 = boost::multiprecision::number<boost::multiprecision::cpp_bin_float<50>, boost::multiprecision::et_off>;
+
+}  // namespace
+
+std::vector<Reference> references(const SceneId& scene, const std::vector<State<double>>& states)
+{
+  const Tree<Digits50> tree(assembly(scene).cast<Digits50>());
+  const auto inputs = bench::inputs<Digits50>(scene, tree);
+  iim::Workspace<Tree<Digits50>> workspace(tree);
+  iim::ImplicitInversion<Tree<Digits50>> method(tree, inputs);
+  std::vector<Reference> all;
+  for (const State<double>& state : states) {
+    const State<Digits50> x = state.cast<Digits50>();
+    const auto result = method(iim::forward_dynamics(x.q, x.qd, workspace));
+    if (!result.ok()) {
+      throw std::runtime_error("no reference for a state of the " + scene.model + ": " + iim::to_string(result.status));
+    }
+    all.push_back({Precise(result.qdd0), Precise(result.Bhat)});
+  }
+  return all;
+}
+
+}  // namespace bench
