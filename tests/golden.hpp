@@ -37,8 +37,11 @@ struct GoldenContact {
   Vector3<double> point;
 };
 
+/// The types of subsystem that occur, and no more: they are what a test of many methods takes to compile.
+using GoldenAssembly = Assembly<RevoluteLink<double>, FloatingBase<double>, PrismaticLink<double>>;
+
 struct Golden {
-  StandardAssembly<double> assembly;  ///< subsystems named as the file's joints
+  GoldenAssembly assembly;  ///< subsystems named as the file's joints
   std::vector<GoldenContact> contacts;
   std::vector<GoldenState> states;
 };
@@ -133,6 +136,22 @@ inline double golden_error(const AffineDynamics<double>& found, const GoldenStat
   for (Index j = 0; j < expected.Bhat.cols(); ++j) {
     const double column = (found.Bhat.col(j) - expected.Bhat.col(j)).norm() / expected.Bhat.col(j).norm();
     if (!(column <= error)) { error = column; }
+  }
+  return error;
+}
+
+/// The largest such error of implicit inversion over the states.
+template <Update update, class Tree>
+double implicit_inversion_error(const Tree& tree, const Inputs<Tree>& inputs, const Golden& golden)
+{
+  Workspace<Tree, update> ws(tree);
+  ImplicitInversion method(tree, inputs);
+  double error = 0;
+  for (const GoldenState& state : golden.states) {
+    const auto result = method(forward_dynamics(state.q, state.v, ws));
+    REQUIRE(result.ok());
+    const double e = golden_error(result, state);
+    if (!(e <= error)) { error = e; }
   }
   return error;
 }
