@@ -1,0 +1,236 @@
+// What the methods know of a tree's branching: unbranched runs of subsystems, velocities numbered along a path, columns
+// of B̂ sorted along the tree.
+//
+// Velocities are numbered depth first, so that those of a subtree are one range. The velocities on the path from the
+// world to a subsystem are numbered too, from 0: the path positions. Row v of a matrix that is non-zero only on v's path
+// (L, Γ⁻¹, the lower half of M) is kept in path positions: no zero of the branching is stored or multiplied.
+#pragma once
+
+#include <iim/inputs.hpp>
+#include <iim/spatial.hpp>
+#include <iim/tree.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <type_traits>
+#include <vector>
+
+namespace iim::detail {
+
+/// How many numbers one step of a loop treats: what a vector register or two hold, or one for other Scalars.
+template <class Scalar>
+inline constexpr int lane_count = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
+
+template <class Scalar>
+using Lanes = Eigen::Array<Scalar, lane_count<Scalar>, 1>;
+
+template <class Scalar>
+Index padded(Index size)
+{
+  return (size + lane_count<Scalar> - 1) / lane_count<Scalar> * lane_count<Scalar>;
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Lanes<Scalar> load(const Scalar* from)
+{
+  return Eigen::Map<const Lanes<Scalar>>(from);
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x)
+{
+  Eigen::Map<Lanes<Scalar>> target(to);
+  target = x;
+}
+
+/// The first `count` lanes only, in runs of halving length.
+template <int run, class Scalar>
+[[gnu::always_inline]] inline void store_run(Scalar* to, const Lanes<Scalar>& x, Index count, int done)
+{
+  if constexpr (run > 0) {
+    if ((count & run) != 0) {
+      using Run = Eigen::Array<Scalar, run, 1>;
+      Eigen::Map<Run> target(to + done);
+      target = Eigen::Map<const Run>(x.data() + done);
+      done += run;
+    }
+    store_run<run / 2>(to, x, count, done);
+  }
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x, Index count)
+{
+  if (count >= lane_count<Scalar>) {
+    store(to, x);
+  } else {
+    store_run<lane_count<Scalar> / 2>(to, x, count, 0);
+  }
+}
+
+/// An unbranched run of subsystems.
+struct Limb {
+  Index parent;      ///< limb that it hangs on; −1: the world
+  Index begin, end;  ///< path positions of its own velocities
+  Index v;           ///< its first velocity: path position a is velocity v + (a − begin)
+  Index v_end;       ///< first velocity after its subtree
+};
+
+/// The limbs of a tree, parents before children.
+class Limbs {
+public:
+  template <class Tree>
+  explicit Limbs(const Tree& tree) : depth_(tree.max_path_v())
+  {
+    std::vector<Index> children(static_cast<std::size_t>(tree.size()), 0);
+    for (const Node& node : tree.nodes()) {
+      if (node.parent >= 0) { ++children[static_cast<std::size_t>(node.parent)]; }
+    }
+    for (const Node& node : tree.nodes()) {
+      const Index own = (node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v()) - node.v;
+      if (node.parent >= 0 && children[static_cast<std::size_t>(node.parent)] == 1) {
+        limb_of_.push_back(limb_of(node.parent));
+        limbs_[static_cast<std::size_t>(limb_of_.back())].end += own;
+      } else {
+        limb_of_.push_back(size());
+        limbs_.push_back({node.parent < 0 ? -1 : limb_of(node.parent), node.path_v, node.path_v + own, node.v, node.v_end});
+      }
+      for (Index d = 0; d < own; ++d) { limb_of_velocity_.push_back(limb_of_.back()); }
+    }
+  }
+
+  /// All n velocities on one path, whatever the tree: for dense matrices.
+  static Limbs unbranched(Index n)
+  {
+    Limbs limbs;
+    limbs.depth_ = n;
+    limbs.limbs_.push_back({-1, 0, n, 0, n});
+    limbs.limb_of_velocity_.assign(static_cast<std::size_t>(n), 0);
+    return limbs;
+  }
+
+  Index size() const { return static_cast<Index>(limbs_.size()); }
+  Index depth() const { return depth_; }  ///< path positions of the longest path
+  Index n_v() const { return static_cast<Index>(limb_of_velocity_.size()); }
+  const Limb& operator[](Index limb) const { return limbs_[static_cast<std::size_t>(limb)]; }
+  Index limb_of(Index subsystem) const { return limb_of_[static_cast<std::size_t>(subsystem)]; }
+  Index limb_of_velocity(Index v) const { return limb_of_velocity_[static_cast<std::size_t>(v)]; }
+
+  /// Calls f(first path position, first velocity, count) for the runs that path positions begin … end of `limb`'s path
+  /// consist of, from the limb towards the world.
+  template <class F>
+  [[gnu::always_inline]] void for_each_run(Index limb, Index begin, Index end, F&& f) const
+  {
+    for (; limb >= 0; limb = (*this)[limb].parent) {
+      const Limb& run = (*this)[limb];
+      const Index first = std::max(begin, run.begin);
+      const Index last = std::min(end, run.end);
+      if (first < last) { f(first, run.v + (first - run.begin), last - first); }
+      if (run.begin <= begin) { return; }
+    }
+  }
+
+private:
+  Limbs() = default;
+
+  Index depth_ = 0;
+  std::vector<Limb> limbs_;
+  std::vector<Index> limb_of_;           // of a subsystem
+  std::vector<Index> limb_of_velocity_;
+};
+
+/// Memory for something per frame that only the frame's children read, on a walk outward: it lives until the last child
+/// is done, which may write over it.
+class FrameBuffers {
+public:
+  template <class Tree>
+  explicit FrameBuffers(const Tree& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
+  {
+    std::vector<Index> last_use(of_frame_.size(), -1);
+    for (const Node& node : tree.nodes()) {
+      if (node.inlet >= 0) { last_use[static_cast<std::size_t>(node.inlet)] = node.index; }
+    }
+    std::vector<int> free;
+    for (const Node& node : tree.nodes()) {
+      const Index end = node.index + 1 < tree.size() ? tree.node(node.index + 1).frame : tree.n_frames();
+      if (node.inlet >= 0 && last_use[static_cast<std::size_t>(node.inlet)] == node.index) {
+        free.push_back((*this)[node.inlet]);
+      }
+      for (Index f = node.frame; f < end; ++f) {
+        if (free.empty()) { free.push_back(count_++); }
+        of_frame_[static_cast<std::size_t>(f)] = free.back();
+        free.pop_back();
+      }
+      for (Index f = node.frame; f < end; ++f) {
+        if (last_use[static_cast<std::size_t>(f)] < 0) { free.push_back((*this)[f]); }
+      }
+    }
+  }
+
+  int count() const { return count_; }
+  int operator[](Index frame) const { return of_frame_[static_cast<std::size_t>(frame)]; }
+
+private:
+  std::vector<int> of_frame_;
+  int count_ = 0;
+};
+
+/// Blocks of inputs in the order of the subsystems that they act on: those on a subtree stand together.
+template <class Tree>
+class SortedInputs {
+public:
+  using Scalar = typename Tree::Scalar;
+
+  explicit SortedInputs(const Inputs<Tree>& inputs)
+      : inputs_(&inputs), end_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
+  {
+    for (Index id = 0; id < inputs.blocks(); ++id) { order_.push_back(id); }
+    std::stable_sort(order_.begin(), order_.end(),
+                     [&](Index a, Index b) { return inputs.block(a).subsystem < inputs.block(b).subsystem; });
+    for (const Index id : order_) { ++end_[static_cast<std::size_t>(inputs.block(id).subsystem) + 1]; }
+    for (std::size_t i = 1; i < end_.size(); ++i) { end_[i] += end_[i - 1]; }
+    bhat_column_.assign(order_.size(), 0);
+  }
+
+  const Inputs<Tree>& inputs() const { return *inputs_; }
+
+  /// Notes which blocks are active now; before the loops below.
+  void number_columns()
+  {
+    Index column = 0;
+    for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
+      bhat_column_[id] = column;
+      const Input<Scalar>& input = inputs_->block(static_cast<Index>(id));
+      column += input.active ? input.size : 0;
+    }
+  }
+
+  /// Calls f(block, its first column in B̂) for the active blocks that act on a subsystem.
+  template <class F>
+  [[gnu::always_inline]] void for_each_on(Index subsystem, F&& f) const
+  {
+    const std::size_t end = end_[static_cast<std::size_t>(subsystem) + 1];
+    for (std::size_t k = end_[static_cast<std::size_t>(subsystem)]; k < end; ++k) { call(k, f); }
+  }
+
+  /// The same for all active blocks, sorted.
+  template <class F>
+  void for_each(F&& f) const
+  {
+    for (std::size_t k = 0; k < order_.size(); ++k) { call(k, f); }
+  }
+
+private:
+  template <class F>
+  [[gnu::always_inline]] void call(std::size_t k, F& f) const
+  {
+    const Input<Scalar>& input = inputs_->block(order_[k]);
+    if (input.active) { f(input, bhat_column_[static_cast<std::size_t>(order_[k])]); }
+  }
+
+  const Inputs<Tree>* inputs_;
+  std::vector<Index> order_;
+  std::vector<std::size_t> end_;    // of a subsystem: place in order_ behind the blocks on those before it
+  std::vector<Index> bhat_column_;  // of a block: first column of B̂
+};
+
+}  // namespace iim::detail

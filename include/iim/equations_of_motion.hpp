@@ -1,0 +1,286 @@
+// M (11) and h (12) of a tree: composite inertias for M, recursive Newton–Euler for h. B (13) beside it: input_matrix.hpp.
+//
+// Only what the outward kinematic loop of the O(n) pass leaves in the workspace is used (R, r, ω, bias, S_k, c), so that
+// methods on M, h and B owe nothing to M̄*. World axes, every subsystem at its coupling point:
+//
+//     outward   y = X(r) a_inlet + (c; 0),   a_k = y + bias_k              accelerations for q̈ = 0, a_world = −g
+//               f_k = I_k a_k + velocity terms                                                       (A2)
+//     inward    F_i = Σ_k I_k S_k,   M_ii = Σ_k S_kᵀ I_k S_k      I_k: all that frame k carries, as one rigid body
+//               h_i = Σ_k S_kᵀ f_k + internal forces                                                  (12)
+//               I_inlet += X(r)ᵀ (Σ_k I_k) X(r),   f_inlet += X(r)ᵀ Σ_k f_k
+//     outward   M_ia = F_iᵀ X(r) J_inlet(:, a)                    J: Jacobian in the ancestors' velocities     (11)
+#pragma once
+
+#include <iim/articulated_inertia.hpp>
+#include <iim/forward_dynamics.hpp>
+#include <iim/input_matrix.hpp>
+#include <iim/inward.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace iim::detail {
+
+/// Rigid bodies taken together, about one point: mass, first moment m·c, rotational inertia. With rotors on it Θ is
+/// still symmetric, though not that of a body.
+template <class Scalar>
+struct CompositeBody {
+  Scalar mass;
+  Vector3<Scalar> mc;
+  Symmetric3<Scalar> Theta;
+
+  void set_zero()
+  {
+    mass = Scalar(0);
+    for (int i = 0; i < 3; ++i) { mc(i) = Scalar(0); }
+    Theta.at.fill(Scalar(0));
+  }
+
+  /// The rigid body that A is the inertia of.
+  [[gnu::always_inline]] void set(const SpatialInertia<Scalar>& A)
+  {
+    mass = A.M(0, 0);
+    for (int i = 0; i < 3; ++i) { mc(i) = A.H((i + 1) % 3, (i + 2) % 3); }
+    Theta = A.J;
+  }
+
+  [[gnu::always_inline]] CompositeBody& operator+=(const CompositeBody& other)
+  {
+    mass += other.mass;
+    add(mc, other.mc);
+    for (std::size_t k = 0; k < 6; ++k) { Theta.at[k] += other.Theta.at[k]; }
+    return *this;
+  }
+
+  /// Adds a body that is given about the point r away.
+  [[gnu::always_inline]] void add_shifted(const CompositeBody& body, const Vector3<Scalar>& r)
+  {
+    // Θ − (r̃ m̃c + m̃c r̃) − m r̃r̃ = Θ + 2 (r·s) 1 − (s rᵀ + r sᵀ),  s = mc + ½ m r
+    Vector3<Scalar> s;
+    for (int i = 0; i < 3; ++i) { s(i) = body.mc(i) + Scalar(0.5) * (body.mass * r(i)); }
+    const Scalar trace = Scalar(2) * (r(0) * s(0) + r(1) * s(1) + r(2) * s(2));
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i <= j; ++i) { Theta(i, j) += body.Theta(i, j) - (s(i) * r(j) + r(i) * s(j)); }
+      Theta(j, j) += trace;
+    }
+    mass += body.mass;
+    for (int i = 0; i < 3; ++i) { mc(i) += body.mc(i) + body.mass * r(i); }
+  }
+
+  /// Wrench for the linear and the angular acceleration v and w; parts declared zero are not read.
+  template <bool linear, bool angular>
+  [[gnu::always_inline]] Vector6<Scalar> times(const Vector3<Scalar>& v, const Vector3<Scalar>& w) const
+  {
+    Vector6<Scalar> f;
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      if constexpr (linear && angular) {
+        f(i) = mass * v(i) + (w(j) * mc(k) - w(k) * mc(j));
+        f(i + 3) = (mc(j) * v(k) - mc(k) * v(j)) + (Theta(i, 0) * w(0) + Theta(i, 1) * w(1) + Theta(i, 2) * w(2));
+      } else if constexpr (linear) {
+        f(i) = mass * v(i);
+        f(i + 3) = mc(j) * v(k) - mc(k) * v(j);
+      } else if constexpr (angular) {
+        f(i) = w(j) * mc(k) - w(k) * mc(j);
+        f(i + 3) = Theta(i, 0) * w(0) + Theta(i, 1) * w(1) + Theta(i, 2) * w(2);
+      } else {
+        f(i) = Scalar(0);
+        f(i + 3) = Scalar(0);
+      }
+    }
+    return f;
+  }
+};
+
+/// M and h of one state, and B beside them. Construction allocates; nothing after it does. Refers to tree and inputs.
+/// Scene: that of the pass which filled the workspace.
+template <class Tree, Scene scene = Scene{}>
+class EquationsOfMotion {
+public:
+  using Scalar = typename Tree::Scalar;
+
+  EquationsOfMotion(const Tree& tree, const Inputs<Tree>& inputs)
+      : tree_(&tree), B_(tree, inputs), frames_(static_cast<std::size_t>(tree.n_frames())),
+        y_(static_cast<std::size_t>(tree.size())), F_(static_cast<std::size_t>(tree.n_v())),
+        M_(padded<Scalar>(tree.max_path_v()), tree.n_v()), h_(tree.n_v())
+  {
+    M_.setZero();
+    h_.setZero();
+  }
+
+  template <class Workspace>
+  void compute(const Workspace& ws)
+  {
+    newton_euler(ws);
+    composites(ws);
+    B_.begin();
+    tree_->outward([&]<class N, class S>(const N& node, const S&) {
+      B_.jacobian().template propagate<S>(node, ws.template node<S>(node), [&](Index a, const auto& y) {
+        for (int d = 0; d < S::n_i; ++d) {
+          const Vector6<Scalar>& F = F_[at(node.v + d)];
+          const Lanes<Scalar> row = (y[0] * F(0) + y[1] * F(1) + y[2] * F(2)) + (y[3] * F(3) + y[4] * F(4) + y[5] * F(5));
+          store(M_.data() + (node.v + d) * M_.rows() + a, row, node.path_v - a);
+        }
+      });
+      B_.template project<S>(node, ws);
+    });
+  }
+
+  /// Column v: row v of M, by path position up to that of v's own subsystem; what stands behind it is not M.
+  MatrixX<Scalar>& M() { return M_; }
+  const VectorX<Scalar>& h() const { return h_; }
+  const InputMatrix<Tree>& B() const { return B_; }
+
+private:
+  struct Carried {
+    CompositeBody<Scalar> I;
+    Vector6<Scalar> a;
+    Vector6<Scalar> f;
+  };
+
+  /// Bodies in world axes, accelerations for q̈ = 0, and the wrenches that these take.
+  template <class Workspace>
+  void newton_euler(const Workspace& ws)
+  {
+    tree_->outward([&]<class N, class S>(const N& node, const S&) {
+      const NodeState<S>& state = ws.template node<S>(node);
+      Vector6<Scalar>& y = y_[at(node.index)];
+      if (node.inlet >= 0) {
+        y = shift_twist(state.r, frames_[at(node.inlet)].a);
+        if constexpr (scene.velocity) { for (int i = 0; i < 3; ++i) { y(i) += state.c(i); } }
+      } else {
+        for (int i = 0; i < 3; ++i) {
+          y(i) = scene.gravity ? Scalar(-tree_->gravity()(i)) : Scalar(0);
+          y(i + 3) = Scalar(0);
+        }
+      }
+      for (int k = 0; k < S::n_frames; ++k) {
+        const FrameState<Scalar>& f = ws.frame(node.frame + k);
+        Carried& carried = frames_[at(node.frame + k)];
+        carried.a = y;
+        if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); } }
+        if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); } }
+        SpatialInertia<Scalar> A;
+        place_bodies<S::pattern.offset, scene.velocity>(tree_->frame_mass(node.frame + k), f.R, f.r, f.omega, A, carried.f);
+        carried.I.set(A);
+        add(carried.f, carried.I.template times<true, true>(linear(carried.a), angular(carried.a)));
+      }
+    });
+  }
+
+  /// h, the blocks M_ii, and F_i.
+  template <class Workspace>
+  void composites(const Workspace& ws)
+  {
+    tree_->inward([&]<class N, class S>(const N& node, const S& s) {
+      constexpr int n_i = S::n_i;
+      constexpr MotionPattern pattern = S::pattern;
+      const NodeState<S>& state = ws.template node<S>(node);
+      CompositeBody<Scalar> I = frames_[at(node.frame)].I;
+      Vector6<Scalar> f = frames_[at(node.frame)].f;
+      for (int k = 1; k < S::n_frames; ++k) {
+        I += frames_[at(node.frame + k)].I;
+        add(f, frames_[at(node.frame + k)].f);
+      }
+      if constexpr (n_i > 0) {
+        Eigen::Matrix<Scalar, 6, n_i> F;
+        Eigen::Matrix<Scalar, n_i, n_i> D;
+        Eigen::Matrix<Scalar, n_i, 1> h;
+        for (int d = 0; d < n_i; ++d) {
+          h(d) = -load(ws)(node.v + d);
+          for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
+          for (int c = 0; c < 6; ++c) { F(c, d) = Scalar(0); }
+        }
+        for (int k = 0; k < S::n_frames; ++k) {
+          const Carried& carried = frames_[at(node.frame + k)];
+          const auto& S_k = state.S_k[at(k)];
+          for (int d = 0; d < n_i; ++d) {
+            const Vector6<Scalar> F_k = carried.I.template times<pattern.linear, pattern.angular>(
+                Vector3<Scalar>(S_k(0, d), S_k(1, d), S_k(2, d)), Vector3<Scalar>(S_k(3, d), S_k(4, d), S_k(5, d)));
+            for (int c = 0; c < 6; ++c) { F(c, d) += F_k(c); }
+            if constexpr (pattern.linear || pattern.angular) {
+              for (int e = d; e < n_i; ++e) { D(e, d) += column_dot<pattern>(S_k, e, F_k); }
+              h(d) += column_dot<pattern>(S_k, d, carried.f);
+            }
+          }
+        }
+        for (int d = 0; d < n_i; ++d) {
+          for (int e = 0; e < d; ++e) { D(e, d) = D(d, e); }
+        }
+        if constexpr (rotor_count<S>() > 0) { add_rotors(ws, node, s, state, F, D, h, I, f); }
+        for (int d = 0; d < n_i; ++d) {
+          h_(node.v + d) = h(d);
+          for (int c = 0; c < 6; ++c) { F_[at(node.v + d)](c) = F(c, d); }
+          Scalar* own = M_.data() + (node.v + d) * M_.rows() + node.path_v;
+          for (int e = 0; e < n_i; ++e) { own[e] = D(d, e); }
+        }
+      }
+      if (node.inlet < 0) { return; }
+
+      if (tree_->inlet_mass(node.index).present) {
+        const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+        const Vector6<Scalar>& y = y_[at(node.index)];
+        SpatialInertia<Scalar> A;
+        Vector6<Scalar> f_body;
+        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet, ws.frame(node.inlet).omega,
+                                            A, f_body);
+        CompositeBody<Scalar> body;
+        body.set(A);
+        I += body;
+        add(f, f_body);
+        add(f, body.template times<true, true>(linear(y), angular(y)));
+      }
+      Carried& inlet = frames_[at(node.inlet)];
+      inlet.I.add_shifted(I, state.r);
+      add(inlet.f, shift_wrench(state.r, f));
+    });
+  }
+
+  /// A rotor turns with its carrier and at ratio·q̇_i relative to it; e: its rate about its axis a per q̇_i. It adds
+  /// J gᵀg to M̄_i, g = (0, aᵀ, eᵀ), and J (a·ω̇ for q̈ = 0) gᵀ to h̄_i.
+  template <class Workspace, class N, class S>
+  void add_rotors(const Workspace& ws, const N& node, const S& s, const NodeState<S>& state,
+                  Eigen::Matrix<Scalar, 6, S::n_i>& F, Eigen::Matrix<Scalar, S::n_i, S::n_i>& D,
+                  Eigen::Matrix<Scalar, S::n_i, 1>& h, CompositeBody<Scalar>& I, Vector6<Scalar>& f) const
+  {
+    const Vector6<Scalar>& y = y_[at(node.index)];
+    for (const auto& rotor : s.rotors()) {
+      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
+      const Scalar turning = spun.J * (spun.bias + (spun.a(0) * y(3) + spun.a(1) * y(4) + spun.a(2) * y(5)));
+      for (int d = 0; d < S::n_i; ++d) {
+        const Scalar Je = spun.J * spun.e(d);
+        for (int e = 0; e < S::n_i; ++e) { D(e, d) += Je * spun.e(e); }
+        for (int i = 0; i < 3; ++i) { F(i + 3, d) += Je * spun.a(i); }
+        h(d) += turning * spun.e(d);
+      }
+      for (int j = 0; j < 3; ++j) {
+        f(j + 3) += turning * spun.a(j);
+        for (int i = 0; i <= j; ++i) { I.Theta(i, j) += spun.a(i) * (spun.J * spun.a(j)); }
+      }
+      if constexpr (scene.velocity) { add_gyroscopic(spun, rotor, state, f, h); }
+    }
+  }
+
+  /// Generalised forces on the velocities: −(internal forces). Read only.
+  template <class Workspace>
+  static const VectorX<Scalar>& load(const Workspace& ws)
+  {
+    return const_cast<Workspace&>(ws).load();
+  }
+
+  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  const Tree* tree_;
+  InputMatrix<Tree> B_;
+  std::vector<Carried> frames_;
+  std::vector<Vector6<Scalar>> y_;  // guidance acceleration for q̈ = 0
+  std::vector<Vector6<Scalar>> F_;  // wrench at the own coupling point per q̈ of one velocity
+  MatrixX<Scalar> M_;
+  VectorX<Scalar> h_;
+};
+
+}  // namespace iim::detail
