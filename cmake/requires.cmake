@@ -1,6 +1,7 @@
 # What a source file says about itself in its first five lines, one fact per line:
 #
 #   // REQUIRES: boost json      optional packages that it needs; the file is left out where one is absent
+#   // OPTIONAL: pinocchio        packages that it uses where they are there: then IIM_WITH_PINOCCHIO is defined
 #   // LABELS: slow              ctest labels
 #   // PROGRAM: NAME             (bench) the program whose main() stands in this file
 #   // PART OF: NAME             (bench) a further source file of that program
@@ -70,23 +71,43 @@ function(iim_package name result)
   set(${result} ${known} PARENT_SCOPE)
 endfunction()
 
-# Reads the REQUIRES lines of the files. Sets `targets` to what they link; `missing` to the names of absent packages.
-function(iim_requires targets missing)
-  set(found "")
+# Sets `missing` to the names on the REQUIRES lines of the files whose packages are absent.
+function(iim_missing missing)
   set(absent "")
   foreach(file IN LISTS ARGN)
     iim_header_words("${file}" REQUIRES names)
     foreach(name IN LISTS names)
-      iim_package(${name} target)
-      if(target STREQUAL "absent")
+      iim_package(${name} found)
+      if(found STREQUAL "absent")
         list(APPEND absent ${name})
-      else()
-        list(APPEND found ${target})
       endif()
     endforeach()
   endforeach()
-  list(REMOVE_DUPLICATES found)
   list(REMOVE_DUPLICATES absent)
-  set(${targets} "${found}" PARENT_SCOPE)
+  list(JOIN absent ", " absent)
   set(${missing} "${absent}" PARENT_SCOPE)
+endfunction()
+
+# Adds a program that is made of the files, with the packages of their REQUIRES and OPTIONAL lines.
+function(iim_add_program target)
+  add_executable(${target} ${ARGN})
+  foreach(file IN LISTS ARGN)
+    iim_header_words("${file}" REQUIRES required)
+    iim_header_words("${file}" OPTIONAL optional)
+    foreach(name IN LISTS required optional)
+      iim_package(${name} found)
+      if(NOT found STREQUAL "absent")
+        target_link_libraries(${target} PRIVATE ${found})
+      endif()
+    endforeach()
+    foreach(name IN LISTS optional)
+      iim_package(${name} found)
+      if(found STREQUAL "absent")
+        message(STATUS "${target} without ${name}")
+      else()
+        string(TOUPPER "IIM_WITH_${name}" definition)
+        target_compile_definitions(${target} PRIVATE ${definition})
+      endif()
+    endforeach()
+  endforeach()
 endfunction()
