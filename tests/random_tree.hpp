@@ -81,7 +81,7 @@ public:
     return body;
   }
 
-  Motor<double> motor()
+  Motor<double> motor(double armature = 0.3)
   {
     Motor<double> motor;
     motor.gear_ratio = (chance(0.5) ? 1 : -1) * std::pow(10.0, uniform(0, 2));
@@ -92,7 +92,7 @@ public:
       motor.com = vector(0.3);
       motor.transverse_inertia = motor.axial_inertia * uniform(0.6, 2);
     }
-    motor.armature = chance(0.3);
+    motor.armature = chance(armature);
     return motor;
   }
 
@@ -131,6 +131,7 @@ struct RandomOptions {
   double floating_root = 0.5;      ///< chance that a part on the world is a floating base
   double floating_inside = 0;      ///< the same for other parts
   double motor_arm = 0.4;          ///< chance of a motor-arm among the other types
+  double armature = 0.3;           ///< chance that a motor-arm's rotor is armature only
   double fixed = 0.1;
   double prismatic = 0.3;
   bool identity_placements = true; ///< some coupling points without a turn or without an offset
@@ -163,9 +164,9 @@ inline RandomRobot random_robot(std::uint64_t seed, const RandomOptions& options
       next.part = FixedLink<double>{{}, random.body()};
     } else if (random.chance(options.motor_arm)) {
       if (random.chance(options.prismatic)) {
-        next.part = LinearMotorArm<double>{{random.axis()}, random.body(), random.motor()};
+        next.part = LinearMotorArm<double>{{random.axis()}, random.body(), random.motor(options.armature)};
       } else {
-        next.part = MotorArm<double>{{random.axis()}, random.body(), random.motor()};
+        next.part = MotorArm<double>{{random.axis()}, random.body(), random.motor(options.armature)};
       }
     } else if (random.chance(options.prismatic)) {
       next.part = PrismaticLink<double>{{random.axis()}, random.body()};
