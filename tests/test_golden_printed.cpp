@@ -1,5 +1,6 @@
 // REQUIRES: json
-// Implicit inversion, with M̄* updated as the paper prints it, against values that share no formula with it, on all models and states.
+// Implicit inversion, with M̄* updated as the paper prints it, against values that share no formula with it, on all
+// models and states.
 #include "golden.hpp"
 
 #include <iim/iim.hpp>

@@ -34,7 +34,9 @@ double error_of_file(const std::string& name, Base base, const Golden& golden)
   const auto tree = robot.tree();
   Inputs inputs(tree);
   // Contacts at the origins of the merged feet: "LF_FOOT_0" is the link "LF_FOOT".
-  for (const GoldenContact& contact : golden.contacts) { inputs.add_force(contact.name.substr(0, contact.name.size() - 2)); }
+  for (const GoldenContact& contact : golden.contacts) {
+    inputs.add_force(contact.name.substr(0, contact.name.size() - 2));
+  }
   return implicit_inversion_error<Update::projected>(tree, inputs, golden);
 }
 

@@ -1,8 +1,9 @@
-// Robots from URDF files, by liburdfdom. The one header of the library that needs more than Eigen; iim.hpp leaves it out.
+// Robots from URDF files, by liburdfdom. The one header of the library that needs more than Eigen; iim.hpp leaves it
+// out.
 //
 // Every link that a joint moves becomes the subsystem of the link's name. Links behind fixed joints are merged into the
-// link that carries them, or into the world, and their names stay as frames, so that any link's name serves where a frame
-// is asked for: inputs.add_force("left_foot"). The frame of a link is the one that URDF gives it, at its joint.
+// link that carries them, or into the world, and their names stay as frames, so that any link's name serves where a
+// frame is asked for: inputs.add_force("left_foot"). The frame of a link is the one that URDF gives it, at its joint.
 // Coordinates are depth first, brothers in the alphabetical order of their joints (urdfdom's).
 //
 // Not read: shapes, damping and friction, safety controllers, calibration.
@@ -36,12 +37,12 @@ enum class Mimic { reject, independent };
 template <class Scalar>
 struct UrdfMotor {
   Scalar gear_ratio = Scalar(1);
-  Scalar axial_inertia = Scalar(0);                ///< rotor about its axis [kg m²]
-  std::optional<Vector3<Scalar>> axis{};           ///< rotor axis, unit vector in joint axes
-  Scalar mass = Scalar(0);                         ///< [kg]; zero: contained in the parent link
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();   ///< joint axes, from the joint [m]
-  Scalar transverse_inertia = Scalar(0);           ///< [kg m²]
-  bool armature = false;                           ///< as in Motor
+  Scalar axial_inertia = Scalar(0);               ///< rotor about its axis [kg m²]
+  std::optional<Vector3<Scalar>> axis{};          ///< rotor axis, unit vector in joint axes
+  Scalar mass = Scalar(0);                        ///< [kg]; zero: contained in the parent link
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();  ///< joint axes, from the joint [m]
+  Scalar transverse_inertia = Scalar(0);          ///< [kg m²]
+  bool armature = false;                          ///< as in Motor
 };
 
 /// A frame to be named on a link, whether that link moves or is merged.
@@ -55,9 +56,9 @@ struct UrdfFrame {
 template <class Scalar>
 struct UrdfOptions {
   Base base = Base::fixed;
-  Placement<Scalar> at{};                            ///< of the root link in the world (Base::fixed)
+  Placement<Scalar> at{};                             ///< of the root link in the world (Base::fixed)
   std::map<std::string, UrdfMotor<Scalar>> motors{};  ///< by joint; each takes the place of the joint's <transmission>
-  bool transmissions = true;                         ///< false: <transmission> elements are not read
+  bool transmissions = true;                          ///< false: <transmission> elements are not read
   /// Whether the links' inertias contain the rotors' axial inertia (CAD with the motors mounted). If so it is taken out
   /// of the link that carries the motor, since a MotorArm brings it along.
   bool rotors_in_links = false;
@@ -68,11 +69,11 @@ struct UrdfOptions {
 /// A joint that moves.
 struct UrdfJoint {
   std::string name;
-  std::string link;                                             ///< that it moves: the subsystem's name
-  double lower = -std::numeric_limits<double>::infinity();      ///< [rad, m]
+  std::string link;                                         ///< that it moves: the subsystem's name
+  double lower = -std::numeric_limits<double>::infinity();  ///< [rad, m]
   double upper = std::numeric_limits<double>::infinity();
-  double velocity = std::numeric_limits<double>::infinity();    ///< greatest speed [rad/s, m/s]
-  double effort = std::numeric_limits<double>::infinity();      ///< greatest torque or force on the joint [N m, N]
+  double velocity = std::numeric_limits<double>::infinity();  ///< greatest speed [rad/s, m/s]
+  double effort = std::numeric_limits<double>::infinity();    ///< greatest torque or force on the joint [N m, N]
 };
 
 /// What a URDF file says. The assembly may be added to before it becomes a tree.
@@ -157,7 +158,8 @@ public:
       place(*root, {0, {}});
     }
     if (parts_.empty()) {
-      throw ModelError(source_.name + ": no joint of robot '" + model.getName() + "' moves (Base::floating frees its root)");
+      throw ModelError(source_.name + ": no joint of robot '" + model.getName() +
+                       "' moves (Base::floating frees its root)");
     }
     check_inertias(robot.warnings);
     for (const auto& [joint, motor] : motors_) { check_motor(joint, model); }
@@ -204,8 +206,9 @@ private:
   {
     if (root.name != "world") { return &root; }
     if (root.inertial || root.child_joints.size() != 1 || root.child_joints[0]->type != urdf::Joint::FIXED) {
-      throw ModelError(source_.link(root.name) +
-                       ": with Base::floating a root 'world' must be without inertia and hold one link by a fixed joint");
+      throw ModelError(
+          source_.link(root.name) +
+          ": with Base::floating a root 'world' must be without inertia and hold one link by a fixed joint");
     }
     return root.child_links[0].get();
   }
@@ -271,7 +274,9 @@ private:
   void check_motor(const std::string& name, const urdf::ModelInterface& model) const
   {
     const auto joint = model.getJoint(name);
-    if (!joint) { throw ModelError(source_.name + ": a motor is given for joint '" + name + "', which does not exist"); }
+    if (!joint) {
+      throw ModelError(source_.name + ": a motor is given for joint '" + name + "', which does not exist");
+    }
     if (joint->type == urdf::Joint::FIXED || joint->type == urdf::Joint::FLOATING) {
       throw ModelError(source_.joint(name) + ": a motor is given for it, but it is " +
                        (joint->type == urdf::Joint::FIXED ? "fixed" : "floating"));
@@ -281,8 +286,8 @@ private:
   Motor<Scalar> motor_of(const urdf::Joint& joint) const
   {
     const UrdfMotor<Scalar>& given = motors_.at(joint.name);
-    Motor<Scalar> motor{given.gear_ratio, given.axial_inertia, {}, given.mass, given.com, given.transverse_inertia,
-                        given.armature};
+    Motor<Scalar> motor{given.gear_ratio,         given.axial_inertia, {}, given.mass, given.com,
+                        given.transverse_inertia, given.armature};
     motor.axis = given.axis ? *given.axis : UnitAxis<Scalar>(vector<Scalar>(joint.axis), "").direction;
     return motor;
   }

@@ -1,4 +1,5 @@
-// What stands in a URDF file beside urdfdom's model: lines for messages, <transmission>, and what urdfdom says to stderr.
+// What stands in a URDF file beside urdfdom's model: lines for messages, <transmission>, and what urdfdom says to
+// stderr.
 #pragma once
 
 #if !__has_include(<urdf_parser/urdf_parser.h>)
@@ -121,7 +122,8 @@ private:
   std::vector<std::string> texts_;
 };
 
-/// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several parents, loops.
+/// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several
+/// parents, loops.
 inline Source survey(const Element& robot, const std::string& name)
 {
   Source source{name};
@@ -145,8 +147,8 @@ inline Source survey(const Element& robot, const std::string& name)
     }
     const std::string child = link_of(e, "child");
     if (!joint_of.emplace(child, joint).second) {
-      throw ModelError(source.joint(joint) + ": link '" + child + "' has a parent already, by joint '" + joint_of[child] +
-                       "'");
+      throw ModelError(source.joint(joint) + ": link '" + child + "' has a parent already, by joint '" +
+                       joint_of[child] + "'");
     }
     parent_of[child] = link_of(e, "parent");
   });
@@ -169,8 +171,8 @@ inline std::vector<double> numbers(const std::string& text, std::size_t count, c
   std::vector<double> values;
   for (double x = 0; stream >> x;) { values.push_back(x); }
   if (!stream.eof() || values.size() != count) {
-    throw ModelError(where + ": expected " + std::to_string(count) + (count == 1 ? " number" : " numbers") + ", got '" + text +
-                     "'");
+    throw ModelError(where + ": expected " + std::to_string(count) + (count == 1 ? " number" : " numbers") + ", got '" +
+                     text + "'");
   }
   return values;
 }
@@ -210,7 +212,8 @@ inline void read_transmission(const Element& e, const Source& source, std::map<s
     if (name == "mechanicalreduction") { name = "gearratio"; }
     if (name != "gearratio" && name != "rotorinertia" && name != "rotoraxis") { return; }
     const char* text = parameter.GetText();
-    const std::string value = attribute(parameter, name == "rotoraxis" ? "xyz" : "value") + (text != nullptr ? text : "");
+    const std::string value =
+        attribute(parameter, name == "rotoraxis" ? "xyz" : "value") + (text != nullptr ? text : "");
     const std::string item = where + ": <" + parameter.Value() + ">";
     const auto [before, is_new] = given.emplace(name, value);
     if (!is_new && before->second != value) {
@@ -230,7 +233,9 @@ inline void read_transmission(const Element& e, const Source& source, std::map<s
   for_each_child(e, nullptr, read);
   for_each_child(e, "joint", [&](const Element& joint) { for_each_child(joint, nullptr, read); });
   for_each_child(e, "actuator", [&](const Element& actuator) { for_each_child(actuator, nullptr, read); });
-  if (!motors.emplace(joints[0], motor).second) { throw ModelError(where + ": joint '" + joints[0] + "' has one already"); }
+  if (!motors.emplace(joints[0], motor).second) {
+    throw ModelError(where + ": joint '" + joints[0] + "' has one already");
+  }
 }
 
 /// All of them, those of ros2_control among them.
