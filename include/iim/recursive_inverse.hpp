@@ -81,7 +81,7 @@ private:
       if constexpr (S::n_i > 0) {
         for (int d = 0; d < S::n_i; ++d) {
           for (int e = 0; e < S::n_i; ++e) { Minv_(node.v + e, node.v + d) = state.MbarR_inv(e, d); }
-          if (node.inlet >= 0 && !detail::is_free<S>()) {
+          if (node.inlet >= 0) {
             Vector6<Scalar> w;
             for (int c = 0; c < 6; ++c) { w(c) = -state.W(d, c); }
             w = shift_wrench(state.r, w);
@@ -124,13 +124,15 @@ private:
         for (int e = 1; e < n_i; ++e) { row += tau[at(e)] * state.MbarR_inv(d, e); }
         detail::store(Minv_.data() + (node.v + d) * stride_ + j, row, end - j);
       }
-      if constexpr (!detail::is_free<S>()) {
-        if (node.inlet < 0) { continue; }
-        for (int c = 0; c < 6; ++c) {
+      if (node.inlet < 0) { continue; }
+      for (int c = 0; c < 6; ++c) {
+        if constexpr (detail::is_free<S>()) {
+          p[at(c)].setZero();  // 1 − Wᵀ Sᵀ = 0
+        } else {
           for (int d = 0; d < n_i; ++d) { p[at(c)] -= tau[at(d)] * state.W(d, c); }
         }
-        store_shifted(state.r, p, j, end - j);
       }
+      store_shifted(state.r, p, j, end - j);
     }
   }
 
