@@ -19,6 +19,7 @@
 #include <cctype>
 #include <cstddef>
 #include <exception>
+#include <initializer_list>
 #include <locale>
 #include <map>
 #include <mutex>
@@ -122,6 +123,38 @@ private:
   std::vector<std::string> texts_;
 };
 
+inline std::vector<double> numbers(const std::string& text, std::size_t count, const std::string& where)
+{
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  std::vector<double> values;
+  for (double x = 0; stream >> x;) { values.push_back(x); }
+  if (!stream.eof() || values.size() != count) {
+    throw ModelError(where + ": expected " + std::to_string(count) + (count == 1 ? " number" : " numbers") + ", got '" +
+                     text + "'");
+  }
+  return values;
+}
+
+/// Throws unless every number of the link's <inertial> can be read: urdfdom goes on without an inertia then.
+inline void check_inertial(const Element& link, const std::string& where)
+{
+  const Element* inertial = link.FirstChildElement("inertial");
+  if (inertial == nullptr) { return; }
+  const auto check = [&](const char* name, bool required, std::size_t count,
+                         std::initializer_list<const char*> values) {
+    const Element* e = inertial->FirstChildElement(name);
+    if (e == nullptr && required) { throw ModelError(where + ": <inertial> without <" + name + ">"); }
+    for (const char* value : values) {
+      if (e == nullptr || (!required && e->Attribute(value) == nullptr)) { continue; }
+      numbers(attribute(*e, value), count, where + ": <" + name + " " + value + ">");
+    }
+  };
+  check("origin", false, 3, {"xyz", "rpy"});
+  check("mass", true, 1, {"value"});
+  check("inertia", true, 1, {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"});
+}
+
 /// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several
 /// parents, loops.
 inline Source survey(const Element& robot, const std::string& name)
@@ -134,7 +167,10 @@ inline Source survey(const Element& robot, const std::string& name)
     if (kind.starts_with("xacro:")) {
       throw ModelError(source.at(row(e)) + "<" + kind + ">: the file must be expanded by xacro first");
     }
-    if (kind == "link") { source.links.emplace(attribute(e, "name"), row(e)); }
+    if (kind == "link") {
+      source.links.emplace(attribute(e, "name"), row(e));
+      check_inertial(e, source.at(row(e)) + "link '" + attribute(e, "name") + "'");
+    }
     if (kind != "joint") { return; }
     const std::string joint = attribute(e, "name");
     source.joints.emplace(joint, row(e));
@@ -162,19 +198,6 @@ inline Source survey(const Element& robot, const std::string& name)
     }
   }
   return source;
-}
-
-inline std::vector<double> numbers(const std::string& text, std::size_t count, const std::string& where)
-{
-  std::istringstream stream(text);
-  stream.imbue(std::locale::classic());
-  std::vector<double> values;
-  for (double x = 0; stream >> x;) { values.push_back(x); }
-  if (!stream.eof() || values.size() != count) {
-    throw ModelError(where + ": expected " + std::to_string(count) + (count == 1 ? " number" : " numbers") + ", got '" +
-                     text + "'");
-  }
-  return values;
 }
 
 /// mechanicalReduction, mechanical_reduction, drake:gear_ratio, …: lower case without prefix and underscores.
@@ -254,16 +277,14 @@ inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const s
 {
   urdf::ModelInterfaceSharedPtr model;
   std::string reasons;
-  Messages messages;
+  const Messages messages;
   try {
     model = urdf::parseURDF(text);
   } catch (const std::exception& e) {
     reasons = std::string(": ") + e.what();
   }
-  if (!model) {
-    for (const std::string& message : messages.texts()) { reasons += ": " + message; }
-    throw ModelError(name + reasons);
-  }
+  for (const std::string& message : messages.texts()) { reasons += ": " + message; }
+  if (!model) { throw ModelError(name + reasons); }
   warnings = messages.texts();
   return model;
 }
