@@ -4,12 +4,15 @@
 #include "methods.hpp"
 #include "statistics.hpp"
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace bench {
@@ -28,30 +31,54 @@ struct Figure {
   bool log_x = false;
   bool log_y = false;
   bool scatter = false;  ///< large points, no lines
+  double y_max = 0;      ///< cut off there; 0: as far as the curves reach
   std::vector<Curve> curves{};
 };
+
+/// Smallest and largest abscissa or ordinate of all curves.
+inline std::pair<double, double> extent(const Figure& figure, double Point::*coordinate)
+{
+  std::pair<double, double> range{std::numeric_limits<double>::infinity(), 0};
+  for (const Curve& curve : figure.curves) {
+    for (const Point& p : curve.points) {
+      range.first = std::min(range.first, p.*coordinate);
+      range.second = std::max(range.second, p.*coordinate);
+    }
+  }
+  return range;
+}
 
 /// The figure as a gnuplot program; NAME.svg appears in the folder where gnuplot runs.
 inline std::string gnuplot_text(const Figure& figure)
 {
   std::ostringstream out;
   out.precision(6);
-  out << "set terminal svg size 960,560 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
+  out << "set terminal svg size 1000,560 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
       << "set encoding utf8\n"
       << "set output '" << figure.file << ".svg'\n"
       << "set title \"" << figure.title << "\"\n"
       << "set xlabel \"" << figure.x << "\"\n"
       << "set ylabel \"" << figure.y << "\"\n"
-      << "set key outside right center samplen 2.5 spacing 1.25\n"
+      << "set key outside right center Left reverse samplen 2.5 spacing 1.25\n"
       << "set border 3\nset tics nomirror\n"
       << "set grid xtics ytics mytics linecolor rgb '#cccccc', linecolor rgb '#eeeeee'\n";
   if (figure.log_x) { out << "set logscale x\n"; }
   if (figure.log_y) { out << "set logscale y\n"; }
-  if (!figure.log_y) { out << "set yrange [0:*]\n"; }
   if (figure.scatter) {
-    out << "set offsets graph 0.08, graph 0.08, graph 0.08, graph 0.08\nset format y '%.0e'\n";
-  } else if (!figure.log_x) {
-    out << "set xrange [0:*]\n";
+    const auto [x_low, x_high] = extent(figure, &Point::x);
+    const auto [y_low, y_high] = extent(figure, &Point::y);
+    out << "set xrange [" << x_low / 2 << ":" << x_high * 2 << "]\n"
+        << "set yrange [" << y_low / 3 << ":" << y_high * 3 << "]\n"
+        << "set format y '10^{%T}'\n";
+  } else {
+    out << "set xrange [" << (figure.log_x ? "*" : "0") << ":*]\n";
+    if (figure.log_y) {
+      out << "set yrange [" << extent(figure, &Point::y).first << ":*]\n";
+    } else if (figure.y_max > 0) {
+      out << "set yrange [0:" << figure.y_max << "]\n";
+    } else {
+      out << "set yrange [0:*]\n";
+    }
   }
   for (std::size_t c = 0; c < figure.curves.size(); ++c) {
     out << "$curve" << c << " << END\n";

@@ -8,8 +8,8 @@
 
 namespace bench {
 
-/// q̈₀ and B̂ of a scene at given states, from the scene's numbers in double. Computed by implicit inversion with
-/// 50 digits. Throws std::runtime_error if a state cannot be computed.
+/// q̈₀ and B̂ of a scene at given states, from the scene's numbers in double. Computed with 50 digits by implicit
+/// inversion and, sharing only the kinematics with it, by the global inverse; throws std::runtime_error if they differ.
 std::vector<Reference> references(const SceneId& scene, const std::vector<State<double>>& states);
 
 }  // namespace bench

@@ -230,6 +230,17 @@ std::vector<Figure> figures(const Analysis& analysis)
     }
     return figure;
   };
+  const auto ratios = [&](const Series& series, Figure figure) {
+    figure.y = "run time / implicit inversion";
+    figure.y_max = 2.5;
+    const std::vector<Point> unit = analysis.curve(series, product);
+    for (const Method& method : analysis.methods()) {
+      std::vector<Point> points = analysis.curve(series, method.id);
+      for (std::size_t k = 0; k < points.size(); ++k) { points[k].y /= unit[k].y; }
+      if (points.back().y < figure.y_max) { figure.curves.push_back({method.name, method.look, points}); }
+    }
+    return figure;
+  };
   const auto scatter = [&](const SceneId& scene, Figure figure) {
     figure.x = "median run time [µs]";
     figure.y = "worst relative error of B̂";
@@ -249,6 +260,8 @@ std::vector<Figure> figures(const Analysis& analysis)
   return {
       over(analysis.single, {"fig3a", "Fig. 3 (a): n-link chain, last link actuated", n, t, false, true}, all),
       over(analysis.full, {"fig3b", "Fig. 3 (b): n-link chain, fully actuated", n, t, false, true}, all),
+      ratios(analysis.single, {"fig3a_ratio", "Fig. 3 (a) to implicit inversion: last link actuated", n}),
+      ratios(analysis.full, {"fig3b_ratio", "Fig. 3 (b) to implicit inversion: fully actuated", n}),
       over(analysis.chain_inputs, {"fig4a", "Fig. 4 (a): 50-link chain, m inputs", m, t, false, true}, all),
       over(analysis.chain_inputs, {"fig4b", "Fig. 4 (b): 50-link chain, m inputs, without unit forces", m, t},
            without_unit_forces),
@@ -330,6 +343,7 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
 
   report.section("Fig. 3 (a): n-link chain, last link actuated");
   image("fig3a", "run time over n, one input");
+  image("fig3a_ratio", "run time to implicit inversion over n, one input");
   report.table(length_table(analysis, analysis.single));
   report.paragraph("Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
                    "at about 18):");
@@ -337,6 +351,7 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
 
   report.section("Fig. 3 (b): n-link chain, fully actuated");
   image("fig3b", "run time over n, n inputs");
+  image("fig3b_ratio", "run time to implicit inversion over n, n inputs");
   report.table(length_table(analysis, analysis.full));
   report.paragraph("Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
                    "at 18–19):");

@@ -84,8 +84,8 @@ void compare(Runner& runner, const Method& method, const std::vector<Reference>&
 
 Effort effort(bool quick)
 {
-  if (quick) { return {5, 0.0007, 32, 2, {1, 2, 4, 6, 8, 10, 14, 18, 22, 30, 40, 50}, {1, 10, 25, 40, 50}}; }
-  Effort full{31, 0.002, 64, 16, {}, {1, 2, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50}};
+  if (quick) { return {9, 0.001, 32, 2, {1, 2, 4, 6, 8, 10, 14, 18, 22, 30, 40, 50}, {1, 10, 25, 40, 50}}; }
+  Effort full{31, 0.003, 64, 16, {}, {1, 2, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50}};
   for (Index n = 1; n <= 24; ++n) { full.chain_n.push_back(n); }
   for (Index n = 26; n <= longest; n += 2) { full.chain_n.push_back(n); }
   return full;
