@@ -1,4 +1,5 @@
 // Laws that share no formula with the recursions: energy, momentum, finite differences, permutation, rigid motion.
+// REQUIRES: boost
 //
 // Time derivatives are central differences in 50 digits: with a step of 1e-12 their error is 1e-24 of the third
 // derivative, so that the library in double is what is measured.

@@ -1,4 +1,5 @@
 // The paper against itself: every way that it gives to B̂ and q̈₀ leads to the same numbers, in 50 digits.
+// REQUIRES: boost
 #include "catch.hpp"
 
 #include "reference/literal.hpp"

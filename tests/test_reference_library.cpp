@@ -1,4 +1,5 @@
 // The library in double against the paper's equations in 50 digits, on random trees of all types of subsystem.
+// REQUIRES: boost
 #include "catch.hpp"
 
 #include "reference/literal.hpp"
