@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/iim.hpp>
+#include <iim/unit_force.hpp>
 
 #include "catch.hpp"
 
@@ -140,15 +141,15 @@ inline double golden_error(const AffineDynamics<double>& found, const GoldenStat
   return error;
 }
 
-/// The largest such error of implicit inversion over the states.
-template <Update update, class Tree>
-double implicit_inversion_error(const Tree& tree, const Inputs<Tree>& inputs, const Golden& golden)
+/// The largest such error of a method over the states.
+template <Update update, class Method, class Tree>
+double golden_error_of(Method& method, const Tree& tree, const Golden& golden)
 {
   Workspace<Tree, update> ws(tree);
-  ImplicitInversion method(tree, inputs);
   double error = 0;
   for (const GoldenState& state : golden.states) {
-    const auto result = method(forward_dynamics(state.q, state.v, ws));
+    const auto fd = forward_dynamics(state.q, state.v, ws);
+    const auto result = affine_dynamics(method, fd, state.q, state.v);
     REQUIRE(result.ok());
     const double e = golden_error(result, state);
     if (!(e <= error)) { error = e; }

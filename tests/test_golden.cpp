@@ -15,7 +15,9 @@ namespace {
 double worst(const Golden& golden)
 {
   const DynamicTree tree(golden.assembly);
-  return implicit_inversion_error<Update::projected>(tree, golden_inputs(tree, golden), golden);
+  const auto inputs = golden_inputs(tree, golden);
+  ImplicitInversion method(tree, inputs);
+  return golden_error_of<Update::projected>(method, tree, golden);
 }
 
 }  // namespace

@@ -37,7 +37,8 @@ double error_of_file(const std::string& name, Base base, const Golden& golden)
   for (const GoldenContact& contact : golden.contacts) {
     inputs.add_force(contact.name.substr(0, contact.name.size() - 2));
   }
-  return implicit_inversion_error<Update::projected>(tree, inputs, golden);
+  ImplicitInversion method(tree, inputs);
+  return golden_error_of<Update::projected>(method, tree, golden);
 }
 
 }  // namespace
