@@ -1,0 +1,130 @@
+// Drives that couple joints: motors on the inlet whose belts, tendons or bevel gears turn several joints at once.
+#pragma once
+
+#include <iim/errors.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/subsystem/compound.hpp>
+#include <iim/subsystem/joint.hpp>
+#include <iim/subsystem/motor_arm.hpp>
+
+#include <array>
+#include <cstddef>
+#include <string>
+
+namespace iim {
+
+/// A mechanism driven through constant transmissions. Motor j is carried by frame `carrier[j]` (−1: the inlet) and its
+/// rotor turns relative to that at row j of `transmission` times q̇_i. Inputs: torques of the motors on their rotors, so
+/// that B̄_i = (0; transmissionᵀ). Motor::gear_ratio is not read.
+///
+/// As for a MotorArm the rotors' axial inertia is part of the drive, and their mass and transverse inertia are too if
+/// a mass is given.
+template <class M, int n_motors>
+struct Driven : M {
+  using Scalar = typename M::Scalar;
+  static constexpr int n_i = M::n_i;
+  static constexpr int n_u = n_motors;
+  static constexpr auto count = static_cast<std::size_t>(n_motors);
+  using Coordinates = Eigen::Matrix<Scalar, n_i, 1>;
+
+  std::array<Motor<Scalar>, count> motor{};
+  std::array<int, count> carrier = [] {
+    std::array<int, count> inlet{};
+    inlet.fill(-1);
+    return inlet;
+  }();
+  Eigen::Matrix<Scalar, n_motors, n_i> transmission = Eigen::Matrix<Scalar, n_motors, n_i>::Zero();
+
+  void prepare(const std::string& owner)
+  {
+    M::prepare(owner);
+    if (!detail::all_finite(transmission)) {
+      throw ModelError(owner + ": transmission must be finite, got " + detail::to_text(transmission));
+    }
+    for (std::size_t j = 0; j < count; ++j) {
+      const std::string name = owner + ": rotor " + std::to_string(j);
+      motor[j].axis = detail::UnitAxis<Scalar>(motor[j].axis, name).direction;
+      for (const Scalar& x : {motor[j].axial_inertia, motor[j].mass, motor[j].transverse_inertia}) {
+        if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
+          throw ModelError(name + ": mass and inertias must not be negative, got " + detail::to_text(x));
+        }
+      }
+      if (carrier[j] < -1 || carrier[j] >= M::n_frames) {
+        throw ModelError(name + " is carried by frame " + std::to_string(carrier[j]) + ", but frames are −1 … " +
+                         std::to_string(M::n_frames - 1));
+      }
+    }
+  }
+
+  std::array<CarriedBody<Scalar>, count + detail::own_body_count<M>()> own_bodies() const
+  {
+    std::array<CarriedBody<Scalar>, count + detail::own_body_count<M>()> all;
+    for (std::size_t j = 0; j < count; ++j) {
+      Body<Scalar> rotor = Body<Scalar>::massless();
+      if (motor[j].mass > Scalar(0)) {
+        const Matrix3<Scalar> along = motor[j].axis * motor[j].axis.transpose();
+        rotor = {motor[j].mass, motor[j].com, motor[j].transverse_inertia * (Matrix3<Scalar>::Identity() - along), false};
+      }
+      all[j] = {carrier[j], rotor};
+    }
+    if constexpr (detail::own_body_count<M>() > 0) {
+      std::size_t at = count;
+      for (const CarriedBody<Scalar>& carried : M::own_bodies()) { all[at++] = carried; }
+    }
+    return all;
+  }
+
+  std::array<Rotor<Scalar, n_i>, count> rotors() const
+  {
+    std::array<Rotor<Scalar, n_i>, count> all;
+    for (std::size_t j = 0; j < count; ++j) {
+      all[j] = {carrier[j], motor[j].axis, motor[j].axial_inertia, transmission.row(static_cast<Index>(j)),
+                !motor[j].armature};
+    }
+    return all;
+  }
+
+  Eigen::Matrix<Scalar, n_i, n_u> Bbar(const Coordinates&) const { return transmission.transpose(); }
+
+  template <class T>
+  auto cast() const
+  {
+    using Other = decltype(M::template cast<T>());
+    Driven<Other, n_motors> other{M::template cast<T>()};
+    for (std::size_t j = 0; j < count; ++j) { other.motor[j] = motor[j].template cast<T>(); }
+    other.carrier = carrier;
+    other.transmission = transmission.template cast<T>();
+    return other;
+  }
+};
+
+/// Two links in a row, both motors on the inlet; the second reaches its link by a belt or tendon that runs over a pulley
+/// on the first axis.
+template <class Scalar> using BeltDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
+/// Two hinges with both motors on both of them: bevel gears at a wrist or hip.
+template <class Scalar> using DifferentialDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
+
+/// Rates of the rotors (rows) per rate of the hinges (columns) for parallel hinges. The pulley on the first axis is free
+/// of the first link: it turns by q_0 + pulley·q_1 relative to the inlet, with `pulley` the radius at the second link
+/// over the radius on the first axis; each motor turns its pulley through a gear.
+template <class Scalar>
+Eigen::Matrix<Scalar, 2, 2> belt_transmission(const Scalar& first_gear, const Scalar& second_gear,
+                                              const Scalar& pulley = Scalar(1))
+{
+  Eigen::Matrix<Scalar, 2, 2> G;
+  G << first_gear, Scalar(0), second_gear, second_gear * pulley;
+  return G;
+}
+
+/// The sum of the two motors' angles turns the first hinge, their difference the second.
+template <class Scalar>
+Eigen::Matrix<Scalar, 2, 2> differential_transmission(const Scalar& first_gear, const Scalar& second_gear)
+{
+  Eigen::Matrix<Scalar, 2, 2> G;
+  G << first_gear, second_gear, first_gear, -second_gear;
+  return G;
+}
+
+static_assert(Subsystem<DifferentialDrive<double>>);
+
+}  // namespace iim
