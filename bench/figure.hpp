@@ -69,7 +69,8 @@ inline std::string gnuplot_text(const Figure& figure)
     const auto [y_low, y_high] = extent(figure, &Point::y);
     out << "set xrange [" << x_low / 2 << ":" << x_high * 2 << "]\n"
         << "set yrange [" << y_low / 3 << ":" << y_high * 3 << "]\n"
-        << "set format y '10^{%T}'\n";
+        << "set format y '10^{%T}'\n"
+        << "set xtics (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)\n";
   } else {
     out << "set xrange [" << (figure.log_x ? "*" : "0") << ":*]\n";
     if (figure.log_y) {

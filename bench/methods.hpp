@@ -5,8 +5,12 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -25,12 +29,28 @@ class Runner {
 public:
   virtual ~Runner() = default;
 
-  /// Cycles through the pool, one state per iteration.
-  virtual void time(benchmark::State& state) = 0;
+  /// Evaluates `count` times, state after state of the pool.
+  virtual void run(std::int64_t count) = 0;
 
   /// What it computes at state k of the pool. Throws std::runtime_error if it reports a failure.
   virtual Result at(std::size_t k) = 0;
 };
+
+/// How many evaluations take `min_time` [s]. The shortest of a few trials counts: an interruption in a single one would
+/// leave too few evaluations for all repetitions.
+inline std::int64_t evaluations(Runner& runner, double min_time)
+{
+  using Clock = std::chrono::steady_clock;
+  for (std::int64_t count = 1;; count *= 4) {
+    double best = std::numeric_limits<double>::infinity();
+    for (int trial = 0; trial < 4; ++trial) {
+      const auto begin = Clock::now();
+      runner.run(count);
+      best = std::min(best, std::chrono::duration<double>(Clock::now() - begin).count());
+    }
+    if (best > min_time / 16) { return 1 + static_cast<std::int64_t>(static_cast<double>(count) * min_time / best); }
+  }
+}
 
 /// How a method is drawn.
 struct Look {
@@ -60,16 +80,14 @@ public:
   {
   }
 
-  void time(benchmark::State& state) override
+  void run(std::int64_t count) override
   {
-    const std::size_t count = scene_->states.size();
-    std::size_t k = 0;
-    for (auto _ : state) {
+    const std::size_t states = scene_->states.size();
+    for (std::size_t k = 0; count > 0; --count, k = k + 1 < states ? k + 1 : 0) {
       const auto result = evaluate(scene_->states[k]);
       benchmark::DoNotOptimize(result.Bhat.data());
       benchmark::DoNotOptimize(result.qdd0.data());
       benchmark::ClobberMemory();
-      k = k + 1 < count ? k + 1 : 0;
     }
   }
 
@@ -103,16 +121,14 @@ class PassRunner final : public Runner {
 public:
   explicit PassRunner(const Scene<double>& scene) : scene_(&scene), workspace_(scene.tree) {}
 
-  void time(benchmark::State& state) override
+  void run(std::int64_t count) override
   {
-    const std::size_t count = scene_->states.size();
-    std::size_t k = 0;
-    for (auto _ : state) {
+    const std::size_t states = scene_->states.size();
+    for (std::size_t k = 0; count > 0; --count, k = k + 1 < states ? k + 1 : 0) {
       const State<double>& x = scene_->states[k];
       const auto fd = iim::forward_dynamics(x.q, x.qd, workspace_);
       benchmark::DoNotOptimize(fd.qdd0().data());
       benchmark::ClobberMemory();
-      k = k + 1 < count ? k + 1 : 0;
     }
   }
 

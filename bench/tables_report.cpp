@@ -197,15 +197,18 @@ Table statements(const Analysis& analysis)
   Table table({"where", "the paper", "here"});
   table.left();
   table.add({"Sect. 2.2", "O(n) methods are faster than the direct solution for n > 9",
-             "O(n) pass faster than the global inverse (m = 1) for " + analysis.faster(analysis.single, floor_of_all, "global_dense")});
+             "O(n) pass faster than the global inverse (m = 1) for " +
+                 analysis.faster(analysis.single, floor_of_all, "global_dense")});
   table.add({"Fig. 3 (a)", "one input: all alike up to about 18 DOF, from there IIM faster than the global inverse",
-             "IIM faster for " + analysis.faster(analysis.single, product, "global_dense") + "; at n = 50 the global inverse takes " +
+             "IIM faster for " + analysis.faster(analysis.single, product, "global_dense") +
+                 "; at n = 50 the global inverse takes " +
                  ratio(single, "global_dense")});
   table.add({"Fig. 3 (a)", "one input: IIM marginally faster than unit forces up to 50 DOF",
              "at n = 50 unit forces take " + ratio(single, "unit_published") + " as published, " + ratio(single, "unit") +
                  " on the workspace"});
   table.add({"Fig. 3 (b)", "fully actuated: IIM faster than the global inverse from 18–19 DOF",
-             "IIM faster for " + analysis.faster(analysis.full, product, "global_dense") + "; at n = 50 the global inverse takes " +
+             "IIM faster for " + analysis.faster(analysis.full, product, "global_dense") +
+                 "; at n = 50 the global inverse takes " +
                  ratio(full, "global_dense")});
   table.add({"Fig. 3 (b)", "fully actuated: the cost of unit forces is prohibitive",
              "at n = 50 unit forces take " + ratio(full, "unit_published") + " as published, " + ratio(full, "unit") +
@@ -237,7 +240,9 @@ std::vector<Figure> figures(const Analysis& analysis)
     for (const Method& method : analysis.methods()) {
       std::vector<Point> points = analysis.curve(series, method.id);
       for (std::size_t k = 0; k < points.size(); ++k) { points[k].y /= unit[k].y; }
-      if (points.back().y < figure.y_max) { figure.curves.push_back({method.name, method.look, points}); }
+      if (std::all_of(points.begin(), points.end(), [&](const Point& p) { return p.y < figure.y_max; })) {
+        figure.curves.push_back({method.name, method.look, points});
+      }
     }
     return figure;
   };
@@ -294,7 +299,7 @@ Table circumstances_table(const Effort& effort, const Circumstances& at)
   table.add({"compiler", iim_build::compiler});
   table.add({"flags", iim_build::flags});
   table.add({"Eigen", iim_build::eigen});
-  table.add({"repetitions", std::to_string(effort.repetitions) + " of at least " + text("%g ms", 1e3 * effort.min_time) +
+  table.add({"repetitions", std::to_string(effort.repetitions) + " of about " + text("%g ms", 1e3 * effort.min_time) +
                                 " per method and scene, in random order within a scene"});
   table.add({"states", std::to_string(effort.states) + " random ones in turn; " + std::to_string(effort.reference_states) +
                            " of them compared with 50 digits"});
@@ -329,7 +334,8 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
                    "run. Errors are relative, in the Frobenius norm, the worst of the states compared. The paper measured "
                    "Matlab programs on another processor; its text gives no run times, only the statements beside ours.");
   if (!drawn) {
-    report.paragraph("No figures: gnuplot is absent or failed. The files *.gp hold drawing and data; `gnuplot NAME.gp` draws one.");
+    report.paragraph("No figures: gnuplot is absent or failed. The files *.gp hold drawing and data; `gnuplot NAME.gp` "
+                     "draws one.");
   }
 
   report.section("Methods");

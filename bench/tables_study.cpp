@@ -140,8 +140,12 @@ Records measure(const std::vector<Method>& methods, const Effort& effort, std::o
       runners.push_back(method.make(scene));
       Runner* runner = runners.back().get();
       benchmark::RegisterBenchmark((text_of(id) + "/" + method.id).c_str(),
-                                   [runner](benchmark::State& state) { runner->time(state); })
-          ->MinTime(effort.min_time)
+                                   [runner](benchmark::State& state) {
+                                     while (state.KeepRunningBatch(state.max_iterations)) {
+                                       runner->run(static_cast<std::int64_t>(state.max_iterations));
+                                     }
+                                   })
+          ->Iterations(evaluations(*runner, effort.min_time))
           ->Repetitions(effort.repetitions)
           ->Unit(benchmark::kMicrosecond);
     }
