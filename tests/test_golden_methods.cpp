@@ -23,9 +23,10 @@ void check(const char* title)
     const GoldenTree tree(golden->assembly);
     const auto inputs = golden_inputs(tree, *golden);
     Method method(tree, inputs);
-    const double error = golden_error_of<Update::projected>(method, tree, *golden);
-    INFO(title << ", " << name << ": relative error " << error);
-    CHECK(error <= golden_bound);
+    const GoldenError error = golden_error<Update::projected>(method, tree, *golden);
+    INFO(title << ", " << name << ": " << error);
+    CHECK(error.qdd0 <= golden_bound);
+    CHECK(error.Bhat <= golden_bound);
   }
 }
 
