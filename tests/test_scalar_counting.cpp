@@ -1,0 +1,163 @@
+// A Scalar that counts its operations: what a scene costs is a number, and what it does not need costs nothing.
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <cmath>
+#include <iim/models.hpp>
+#include <limits>
+#include <ostream>
+
+namespace {
+
+/// A double that counts multiplications and divisions, additions apart.
+struct Counted {
+  double x = 0;
+  static inline long products = 0, sums = 0, roots = 0;
+
+  Counted() = default;
+  Counted(double value) : x(value) {}
+  Counted(int value) : x(value) {}
+  Counted(long value) : x(static_cast<double>(value)) {}
+  explicit operator double() const { return x; }
+
+  Counted& operator+=(const Counted& b) { return ++sums, x += b.x, *this; }
+  Counted& operator-=(const Counted& b) { return ++sums, x -= b.x, *this; }
+  Counted& operator*=(const Counted& b) { return ++products, x *= b.x, *this; }
+  Counted& operator/=(const Counted& b) { return ++products, x /= b.x, *this; }
+  friend Counted operator+(Counted a, const Counted& b) { return a += b; }
+  friend Counted operator-(Counted a, const Counted& b) { return a -= b; }
+  friend Counted operator*(Counted a, const Counted& b) { return a *= b; }
+  friend Counted operator/(Counted a, const Counted& b) { return a /= b; }
+  friend Counted operator-(const Counted& a) { return Counted(-a.x); }
+  friend bool operator==(const Counted& a, const Counted& b) { return a.x == b.x; }
+  friend auto operator<=>(const Counted& a, const Counted& b) { return a.x <=> b.x; }
+  friend Counted sqrt(const Counted& a) { return ++roots, Counted(std::sqrt(a.x)); }
+  friend Counted sin(const Counted& a) { return ++roots, Counted(std::sin(a.x)); }
+  friend Counted cos(const Counted& a) { return ++roots, Counted(std::cos(a.x)); }
+  friend Counted abs(const Counted& a) { return Counted(std::abs(a.x)); }
+  friend bool isfinite(const Counted& a) { return std::isfinite(a.x); }
+  friend std::ostream& operator<<(std::ostream& out, const Counted& a) { return out << a.x; }
+};
+
+}  // namespace
+
+template <>
+struct Eigen::NumTraits<Counted> : Eigen::GenericNumTraits<double> {
+  using Real = Counted;
+  using NonInteger = Counted;
+  using Literal = Counted;
+  using Nested = Counted;
+  enum { RequireInitialization = 1 };
+  static Counted epsilon() { return std::numeric_limits<double>::epsilon(); }
+  static Counted dummy_precision() { return 1e-12; }
+  static Counted highest() { return std::numeric_limits<double>::max(); }
+  static Counted lowest() { return std::numeric_limits<double>::lowest(); }
+  static Counted quiet_NaN() { return std::numeric_limits<double>::quiet_NaN(); }
+};
+
+using namespace iim;
+
+namespace {
+
+using Assembly = StandardAssembly<Counted>;
+using Tree = decltype(DynamicTree(std::declval<Assembly>()));
+
+/// Products that f does.
+template <class F>
+long count(F&& f)
+{
+  Counted::products = Counted::sums = Counted::roots = 0;
+  f();
+  return Counted::products;
+}
+
+struct Scenario {
+  Tree tree;
+  Inputs<Tree> inputs;
+  Workspace<Tree> ws;
+  ImplicitInversion<Tree> method;
+  VectorX<Counted> q, qd;
+
+  Scenario(const Assembly& assembly, bool motors, Index contacts)
+      : tree(assembly), inputs(make(tree, motors, contacts)), ws(tree), method(tree, inputs), q(tree.n_q()), qd(tree.n_v())
+  {
+    test::Random draw(1);
+    const test::RandomState state = test::random_state(tree, 0, draw);
+    q = state.q.cast<Counted>();
+    qd = state.qd.cast<Counted>();
+  }
+
+  static Inputs<Tree> make(const Tree& tree, bool motors, Index contacts)
+  {
+    Inputs<Tree> inputs(tree, motors ? Inputs<Tree>::Start::all_motors : Inputs<Tree>::Start::empty);
+    for (Index k = 0; k < contacts; ++k) { inputs.add_force(tree.name(tree.size() - 1)); }
+    return inputs;
+  }
+
+  template <Scene scene = Scene{}>
+  long pass()
+  {
+    return count([&] { REQUIRE(forward_dynamics<scene>(q, qd, ws).ok()); });
+  }
+  long invert()
+  {
+    const auto fd = forward_dynamics(q, qd, ws);
+    return count([&] { REQUIRE(method(fd).ok()); });
+  }
+};
+
+long pass_of_chain(Index n) { return Scenario(models::chain<Counted>(n), true, 0).pass(); }
+
+}  // namespace
+
+TEST_CASE("the O(n) pass is O(n): every further link costs the same", "[scalar]")
+{
+  const long step = pass_of_chain(12) - pass_of_chain(11);
+  CHECK(step > 0);
+  for (const Index n : {3, 20, 50}) { CHECK(pass_of_chain(n + 1) - pass_of_chain(n) == step); }
+  // An upper limit that nobody crosses unnoticed; one link of a chain about y, all terms, projected update.
+  CHECK(step < 700);
+}
+
+TEST_CASE("a scene without velocity or gravity costs less", "[scalar]")
+{
+  Scenario biped(models::biped<Counted>(), true, 0);
+  const long full = biped.pass();
+  const long still = biped.pass<Scene{.velocity = false}>();
+  const long falling = biped.pass<Scene{.gravity = false}>();
+  CHECK(still < full * 4 / 5);
+  CHECK(falling <= full);
+}
+
+TEST_CASE("an inactive input costs what no input costs", "[scalar]")
+{
+  Scenario without(models::biped<Counted>(), true, 0);
+  Scenario with(models::biped<Counted>(), true, 3);
+  const long active = with.invert();
+  for (Index id = with.inputs.blocks() - 3; id < with.inputs.blocks(); ++id) { with.inputs.set_active(id, false); }
+  CHECK(with.invert() == without.invert());
+  CHECK(active > without.invert());
+}
+
+TEST_CASE("B̂ of a chain costs what its size says", "[scalar]")
+{
+  // Γ⁻¹ and F* take 6n² + O(n), L β takes n³/6 and more for a fully actuated chain: far below the n³ of a dense inverse.
+  for (const Index n : {10, 20, 40}) {
+    Scenario chain(models::chain<Counted>(n), true, 0);
+    const double size = static_cast<double>(n);
+    CHECK(static_cast<double>(chain.invert()) < size * size * size / 2 + 20 * size * size + 100 * size);
+  }
+  // One more force at the tip: 3 columns of n rows and the path's six-vectors, O(n) per column and not O(n²).
+  const auto extra = [](Index n) {
+    return Scenario(models::chain<Counted>(n), false, 3).invert() - Scenario(models::chain<Counted>(n), false, 2).invert();
+  };
+  CHECK(extra(20) <= 3 * (20 * 21 / 2 + 20 * 20 + 12 * 20));
+}
+
+TEST_CASE("a branch without inputs costs B̂ no product of columns", "[scalar]")
+{
+  // The product of a binary tree is far smaller than that of a chain: its zeros are not multiplied.
+  Scenario tree(models::binary_tree<Counted>(31), true, 0);
+  Scenario chain(models::chain<Counted>(31), true, 0);
+  CHECK(tree.invert() * 2 < chain.invert());
+}
