@@ -257,7 +257,7 @@ run_test() {
   configure_and_build "$folder" "$preset"
   say "running the tests"
   cd "$folder"
-  ctest --output-on-failure --no-tests=error "$@"
+  ctest --output-on-failure --no-tests=error --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(jobs)}" "$@"
 }
 
 run_program() {  # run_program VERB PROGRAM [arguments]
