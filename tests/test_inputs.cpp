@@ -1,0 +1,113 @@
+// Blocks of columns: their order, their switching, and what they mean.
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <limits>
+#include <utility>
+#include <vector>
+
+using namespace iim;
+using test::Vec3;
+
+namespace {
+
+constexpr double eps = std::numeric_limits<double>::epsilon();
+using Tree = decltype(DynamicTree(std::declval<StandardAssembly<double>>()));
+
+/// base – arm – hand, and a rigid post on the world; "tip" turned on the hand.
+Tree robot()
+{
+  test::Random draw(1);
+  StandardAssembly<double> assembly;
+  assembly.add("hand", {.parent = "arm", .p = draw.vector(1)}, RevoluteLink<double>{{draw.unit()}, draw.body()});
+  assembly.add("base", {}, FloatingBase<double>{draw.body()});
+  assembly.add("arm", {.parent = "base", .p = draw.vector(1)}, MotorArm<double>{{draw.unit()}, draw.body(), draw.motor()});
+  assembly.add("post", {}, FixedLink<double>{{}, draw.body()});
+  assembly.add_frame("tip", {.parent = "hand", .R = draw.rotation(), .p = draw.vector(1)});
+  return Tree(assembly);
+}
+
+}  // namespace
+
+TEST_CASE("all motors stand first, in the order of subsystems", "[inputs]")
+{
+  const Tree tree = robot();
+  Inputs inputs(tree);
+  REQUIRE(inputs.blocks() == 2);
+  CHECK(inputs.block(0).name == "arm");
+  CHECK(inputs.block(1).name == "hand");
+  CHECK(inputs.columns() == 2);
+  CHECK(inputs.columns() == tree.n_motors());
+}
+
+TEST_CASE("columns of inactive blocks do not exist, and those after them move up", "[inputs]")
+{
+  const Tree tree = robot();
+  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  CHECK(inputs.columns() == 0);
+  const auto wrench = inputs.add_wrench("tip");
+  const auto hand = inputs.add_motor("hand");
+  const auto force = inputs.add_force("base");
+  const auto arm = inputs.add_motor("arm");
+  const std::vector<Index> widths{6, 1, 3, 1};
+  for (unsigned choice = 0; choice < 16; ++choice) {
+    Index column = 0;
+    for (const auto id : {wrench, hand, force, arm}) { inputs.set_active(id, (choice >> id & 1u) != 0); }
+    for (const auto id : {wrench, hand, force, arm}) {
+      const bool active = (choice >> id & 1u) != 0;
+      CHECK(inputs.column(id) == (active ? column : -1));
+      column += active ? widths[static_cast<std::size_t>(id)] : 0;
+    }
+    CHECK(inputs.columns() == column);
+    CHECK(inputs.max_columns() == 11);
+  }
+}
+
+TEST_CASE("a wrench is its force, and moments are pairs of forces", "[inputs]")
+{
+  const Tree tree = robot();
+  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  const Vec3 x(0.1, -0.2, 0.3);
+  inputs.add_wrench("tip", x, Axes::body);                      // 0
+  inputs.add_force("tip", x, Axes::body);                       // 6
+  inputs.add_force("tip", x + Vec3::UnitX(), Axes::body);       // 9
+  inputs.add_force("post");                                     // 12
+  inputs.add_motor("arm");                                      // 15
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  test::Random draw(2);
+  for (int k = 0; k < 20; ++k) {
+    const test::RandomState state = test::random_state(tree, inputs.columns(), draw);
+    const auto result = method(forward_dynamics(state.q, state.qd, ws));
+    REQUIRE(result.ok());
+    const Eigen::MatrixXd B = result.Bhat;
+    const double tolerance = 64 * eps * B.norm();
+    CHECK((B.middleCols(6, 3) - B.middleCols(0, 3)).norm() < tolerance);
+    // At a lever of one along x a force along y is a moment about z, and one along z a moment about −y.
+    CHECK((B.col(10) - B.col(7) - B.col(5)).norm() < tolerance);
+    CHECK((B.col(11) - B.col(8) + B.col(4)).norm() < tolerance);
+    CHECK((B.col(9) - B.col(6)).norm() < tolerance);
+    CHECK(B.middleCols(12, 3).isZero(0.0));  // the world holds the post
+    CHECK(B.middleCols(0, 6).norm() > 0.01);
+    CHECK(B.col(15).norm() > 0.01);
+  }
+}
+
+TEST_CASE("a force through the centre of a free body moves it as Newton says", "[inputs]")
+{
+  test::Random draw(3);
+  FloatingBase<double> stone{draw.body()};
+  stone.body.mass = 4;
+  StandardAssembly<double> assembly;
+  assembly.add("stone", {}, stone);
+  const Tree tree(assembly);
+  Inputs inputs(tree);
+  inputs.add_force("stone", stone.body.com, Axes::body);
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  const test::RandomState state = test::random_state(tree, 3, draw);
+  const auto result = method(forward_dynamics(state.q, state.qd, ws));
+  REQUIRE(result.ok());
+  CHECK((result.Bhat.topRows(3) - Eigen::Matrix3d::Identity() / 4).norm() < 64 * eps);
+  CHECK(result.Bhat.bottomRows(3).norm() < 64 * eps);
+}
