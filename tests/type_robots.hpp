@@ -52,7 +52,7 @@ struct Cut {
 };
 
 /// Answer of a robot with loops from the tree that is left when they are cut, by Lagrange multipliers. All parts of the
-/// tree are rigid links, so that the motors are all generalised forces.
+/// tree have as many motors as velocities.
 ///     q̈ = q̈_free − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁻¹ (distance)¨ of q̈_free
 struct Multipliers {
   Answer answer;
@@ -68,7 +68,11 @@ Multipliers cut_loops(const Tree& tree, const Inputs<Tree>& inputs, const std::v
     points.add_force(cut.frame_a, cut.point_a);
     points.add_force(cut.frame_b, cut.point_b);
   }
-  const Eigen::MatrixXd M_inv = solve(tree, motors, q, qd).Bhat;
+  Eigen::MatrixXd M_inv = solve(tree, motors, q, qd).Bhat;
+  tree.outward([&]<class N, class S>(const N& node, const S& s) {  // per generalised force, not per motor
+    const Eigen::Matrix<double, S::n_i, S::n_i> Bbar = s.Bbar(q.template segment<S::n_q>(node.q));
+    M_inv.middleCols<S::n_i>(node.v) = M_inv.middleCols<S::n_i>(node.v) * Bbar.inverse().eval();
+  });
   const Eigen::MatrixXd at_points = solve(tree, points, q, qd).Bhat;
   Multipliers result{solve(tree, inputs, q, qd), 0, 0};
   Workspace ws(tree);

@@ -52,7 +52,7 @@ constexpr std::size_t own_body_count()
 
 }  // namespace detail
 
-/// One body on each frame of a mechanism. Outlets are the mechanism's frames, in its order.
+/// Bodies on the frames of a mechanism. Outlets are the mechanism's frames, in its order.
 template <Mechanism M>
 struct Compound {
   using Scalar = typename M::Scalar;
@@ -64,7 +64,7 @@ struct Compound {
   using Coordinates = Eigen::Matrix<Scalar, n_i, 1>;
 
   M mechanism{};
-  std::array<Body<Scalar>, static_cast<std::size_t>(n_frames)> body{};  ///< of each frame; Body::massless() for none
+  std::array<Body<Scalar>, static_cast<std::size_t>(n_frames)> body = nothing();  ///< of each frame; massless if not set
 
   void prepare(const std::string& name)
   {
@@ -134,6 +134,14 @@ struct Compound {
     other.mechanism = mechanism.template cast<T>();
     for (std::size_t k = 0; k < body.size(); ++k) { other.body[k] = body[k].template cast<T>(); }
     return other;
+  }
+
+private:
+  static auto nothing()
+  {
+    std::array<Body<Scalar>, static_cast<std::size_t>(n_frames)> all;
+    all.fill(Body<Scalar>::massless());
+    return all;
   }
 };
 

@@ -117,6 +117,7 @@ struct RelativeMotion {
   Vector p = Vector::Zero();                        ///< origin from the coupling point [m]
   Columns v = Columns::Zero();                      ///< velocity of the origin per q̇_i
   Columns w = Columns::Zero();                      ///< angular velocity per q̇_i
+  Vector velocity = Vector::Zero();                 ///< v q̇_i
   Vector omega = Vector::Zero();                    ///< w q̇_i
   Vector a = Vector::Zero();                        ///< acceleration of the origin for q̈_i = 0
   Vector alpha = Vector::Zero();                    ///< angular acceleration for q̈_i = 0
@@ -139,6 +140,7 @@ struct RelativeMotion {
     const Vector u = detail::times(R, axis);
     RelativeMotion next = carried(Vector(u * distance.value));
     next.v += u * distance.gradient;
+    next.velocity += u * distance.rate;
     next.a += u * distance.bias + detail::cross(omega, u) * (Scalar(2) * distance.rate);
     return next;
   }
@@ -152,8 +154,16 @@ struct RelativeMotion {
     RelativeMotion next;
     next.p = p;
     next.v = v;
+    next.velocity = velocity;
     next.a = a;
     return next;
+  }
+
+  /// Component of the origin along a direction of the inlet, seen from a point of the inlet.
+  Dependent<Scalar, n> along(const Vector& direction, const Vector& from) const
+  {
+    return {Scalar(direction.dot(p - from)), typename Dependent<Scalar, n>::Gradient(direction.transpose() * v),
+            Scalar(direction.dot(velocity)), Scalar(direction.dot(a))};
   }
 
   /// Writes it as Subsystem::motion wants it, R_inlet: inlet to world.
@@ -179,6 +189,7 @@ private:
     RelativeMotion next = *this;
     next.p += d;
     for (int k = 0; k < n; ++k) { next.v.col(k) += detail::cross(Vector(w.col(k)), d); }
+    next.velocity += detail::cross(omega, d);
     next.a += detail::cross(alpha, d) + detail::cross(omega, detail::cross(omega, d));
     return next;
   }
