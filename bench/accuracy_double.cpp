@@ -1,0 +1,12 @@
+// PART OF: iim_accuracy
+#include "accuracy_variants.hpp"
+
+namespace bench {
+
+template <>
+std::vector<Outcome> accuracy_outcomes<double>(const AccuracyScene& scene, const AccuracyReference& reference)
+{
+  return outcomes_in<double>("double", scene, reference);
+}
+
+}  // namespace bench
