@@ -34,7 +34,6 @@ struct Counted {
   friend Counted sqrt(const Counted& a) { return ++roots, Counted(std::sqrt(a.x)); }
   friend Counted sin(const Counted& a) { return ++roots, Counted(std::sin(a.x)); }
   friend Counted cos(const Counted& a) { return ++roots, Counted(std::cos(a.x)); }
-  friend Counted abs(const Counted& a) { return Counted(std::abs(a.x)); }
   friend bool isfinite(const Counted& a) { return std::isfinite(a.x); }
   friend std::ostream& operator<<(std::ostream& out, const Counted& a) { return out << a.x; }
 };

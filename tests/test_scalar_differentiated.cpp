@@ -32,7 +32,6 @@ struct Dual {
   friend Dual sqrt(const Dual& a) { return {std::sqrt(a.x), a.d / (2 * std::sqrt(a.x))}; }
   friend Dual sin(const Dual& a) { return {std::sin(a.x), std::cos(a.x) * a.d}; }
   friend Dual cos(const Dual& a) { return {std::cos(a.x), -std::sin(a.x) * a.d}; }
-  friend Dual abs(const Dual& a) { return a.x < 0 ? -a : a; }
   friend bool isfinite(const Dual& a) { return std::isfinite(a.x) && std::isfinite(a.d); }
   friend std::ostream& operator<<(std::ostream& out, const Dual& a) { return out << a.x << "+" << a.d << "dt"; }
 };
