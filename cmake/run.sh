@@ -96,8 +96,7 @@ package_of() {  # package_of SYSTEM THING: the name of the package
     dnf:compiler) echo gcc-c++ ;;
     pacman:compiler) echo gcc ;;
     *:clang) echo clang ;;
-    apt:maker | dnf:maker) echo ninja-build ;;
-    pacman:maker) echo ninja ;;
+    *:maker) echo make ;;
     apt:eigen) echo libeigen3-dev ;;
     dnf:eigen) echo eigen3-devel ;;
     pacman:eigen) echo eigen ;;
