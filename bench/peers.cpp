@@ -76,6 +76,14 @@ Options parse(const std::vector<std::string>& arguments)
   return options;
 }
 
+/// On one line.
+std::string line(std::string text)
+{
+  for (char& c : text) { c = c == '\n' ? ' ' : c; }
+  while (!text.empty() && text.back() == ' ') { text.pop_back(); }
+  return text;
+}
+
 /// Times of all libraries on one model. Throws std::runtime_error if two answers differ by more than rounding.
 Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& workers, bool quick)
 {
@@ -104,7 +112,7 @@ Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& work
                            [&library = *worker, j](std::size_t evaluations) { return library.seconds(j, evaluations); }});
       }
     } catch (const std::exception& failure) {
-      row.remarks.push_back(worker->name() + " on " + model.name + ": " + failure.what());
+      row.remarks.push_back(worker->name() + " on " + model.name + ": " + line(failure.what()));
     }
   }
 

@@ -6,6 +6,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Eigenvalues>
+
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -28,6 +30,13 @@ std::string numbers(const Eigen::MatrixBase<Derived>& x)
   return text;
 }
 
+/// Scalar part first.
+Eigen::Vector4d quaternion(const Matrix3d& R)
+{
+  const Eigen::Quaterniond turn(R);
+  return {turn.w(), turn.x(), turn.y(), turn.z()};
+}
+
 /// The model in MuJoCo's own language.
 std::string mjcf(const Model& model)
 {
@@ -41,14 +50,13 @@ std::string mjcf(const Model& model)
       xml << "</body>";
       open.pop_back();
     }
-    const Eigen::Quaterniond turn(joint.R);
-    const Eigen::Vector4d quaternion(turn.w(), turn.x(), turn.y(), turn.z());
-    const Matrix3d& I = joint.inertia;
-    Eigen::Matrix<double, 6, 1> inertia;
-    inertia << I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2);
-    xml << "<body name='" << joint.name << "' pos='" << numbers(joint.p) << "' quat='" << numbers(quaternion) << "'>"
-        << "<inertial pos='" << numbers(joint.com) << "' mass='" << numbers(Eigen::Matrix<double, 1, 1>(joint.mass))
-        << "' fullinertia='" << numbers(inertia) << "'/>";
+    xml << "<body name='" << joint.name << "' pos='" << numbers(joint.p) << "' quat='" << numbers(quaternion(joint.R))
+        << "'><inertial pos='" << numbers(joint.com) << "' mass='" << numbers(Eigen::Matrix<double, 1, 1>(joint.mass));
+    // Principal axes from here: MuJoCo's own are good to 1e-7.
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> principal(joint.inertia);
+    Matrix3d axes = principal.eigenvectors();
+    if (axes.determinant() < 0) { axes.col(0) *= -1; }
+    xml << "' quat='" << numbers(quaternion(axes)) << "' diaginertia='" << numbers(principal.eigenvalues()) << "'/>";
     if (joint.kind == JointKind::floating) {
       xml << "<freejoint/>";
     } else {
