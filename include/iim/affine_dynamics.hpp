@@ -5,6 +5,7 @@
 #include <iim/spatial.hpp>
 
 #include <concepts>
+#include <limits>
 
 namespace iim {
 
@@ -41,8 +42,8 @@ public:
   AffineDynamics<Scalar> result(Index columns, Status status, Index subsystem)
   {
     if (status != Status::ok) {
-      qdd0_.setConstant(Eigen::NumTraits<Scalar>::quiet_NaN());
-      Bhat_.setConstant(Eigen::NumTraits<Scalar>::quiet_NaN());
+      qdd0_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      Bhat_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
     }
     return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), qdd0_.size(), columns}, status, subsystem};
   }

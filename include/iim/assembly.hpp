@@ -5,6 +5,7 @@
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
 
+#include <limits>
 #include <map>
 #include <string>
 #include <utility>
@@ -31,6 +32,7 @@ class Assembly {
 public:
   using Scalar = typename std::tuple_element_t<0, std::tuple<S...>>::Scalar;
   using Part = std::variant<S...>;
+  static_assert(!std::numeric_limits<Scalar>::is_integer, "the Scalar of a robot must be able to hold fractions");
 
   struct NamedPart {
     std::string name;

@@ -47,20 +47,24 @@ public:
   /// State-dependent acceleration q̈₀ = −M⁻¹h, n_v [rad/s², m/s²]. Not to be used unless status() is ok.
   const VectorX<Scalar>& qdd0() const { return workspace_->qdd(); }
 
+  /// What the pass left out; a method that computes velocity or gravity terms of its own must leave out the same.
+  Scene scene() const { return scene_; }
+
   Status status() const { return status_; }
   bool ok() const { return status_ == Status::ok; }
   /// Index of the subsystem that status() is about; −1 if it is about none.
   Index subsystem() const { return subsystem_; }
 
 private:
-  ForwardDynamics(const Workspace& workspace, Status status, Index subsystem)
-      : workspace_(&workspace), status_(status), subsystem_(subsystem)
+  ForwardDynamics(const Workspace& workspace, Scene scene, Status status, Index subsystem)
+      : workspace_(&workspace), scene_(scene), status_(status), subsystem_(subsystem)
   {
   }
   template <Scene scene, class W>
   friend class detail::ForwardPass;
 
   const Workspace* workspace_;
+  Scene scene_;
   Status status_;
   Index subsystem_;
 };
@@ -155,7 +159,7 @@ public:
     }
   }
 
-  ForwardDynamics<Workspace> receipt() const { return {ws_, diagnosis_.status, diagnosis_.subsystem}; }
+  ForwardDynamics<Workspace> receipt() const { return {ws_, scene, diagnosis_.status, diagnosis_.subsystem}; }
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 private:

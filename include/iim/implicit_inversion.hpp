@@ -13,6 +13,7 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
+#include <iim/branches.hpp>
 #include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
 #include <iim/spatial.hpp>
@@ -21,7 +22,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <type_traits>
+#include <concepts>
 #include <vector>
 
 namespace iim {
@@ -33,27 +34,37 @@ public:
   using Scalar = typename Tree::Scalar;
 
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), inputs_(&inputs), depth_(padded(tree.max_path_v())), rows_(padded(tree.n_v()) + lanes),
-        L_(rows_, depth_), L_rows_(depth_, tree.n_v()), beta_(depth_, inputs.max_columns()),
+      : tree_(&tree), limbs_(tree), frame_buffers_(tree), inputs_(inputs), depth_(detail::padded<Scalar>(limbs_.depth())),
+        rows_(detail::padded<Scalar>(tree.n_v()) + lanes), L_(rows_, depth_), L_rows_(depth_, tree.n_v()),
+        beta_(depth_, inputs.max_columns()),
+        H_(static_cast<std::size_t>(frame_buffers_.count()), Buffer::Zero(depth_, 6)),
+        first_column_(static_cast<std::size_t>(tree.size()) + 1, 0),
         columns_(static_cast<std::size_t>(inputs.max_columns())), result_(tree.n_v(), inputs.max_columns())
   {
     L_.setZero();
     L_rows_.setZero();
     beta_.setZero();
-    sort_inputs();
-    assign_buffers();
-    find_limbs();
+    path_end_.resize(static_cast<std::size_t>(tree.n_v()));
+    for (const Node& node : tree.nodes()) {
+      const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
+      std::fill(path_end_.begin() + node.v, path_end_.begin() + own_end, node.path_v + own_end - node.v);
+      if (limbs_.limb_of(node.index) == static_cast<Index>(limb_subsystems_.size())) {
+        limb_subsystems_.push_back({node.index, node.subtree_end});
+      }
+      roots_ += node.parent < 0;
+    }
   }
 
   /// Steps 2 and 3 of Algorithm 1 for the inputs that are active now. No allocation, no exception.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
   {
-    const Index m = inputs_->columns();
-    assert(inputs_->max_columns() == beta_.cols() && "inputs were added after the method was made");
+    const Index m = inputs_.inputs().columns();
+    assert(inputs_.inputs().max_columns() == beta_.cols() && "inputs were added after the method was made");
     if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
-    number_columns();
+    inputs_.number_columns();
     outward(fd.workspace());
     multiply(m);
     const bool finite = detail::all_finite(result_.Bhat(m));
@@ -61,23 +72,10 @@ public:
   }
 
 private:
-  /// Columns or rows that one step of a loop treats: what a vector register or two hold, or one for other Scalars.
-  static constexpr int lanes = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
-  static constexpr int tile = 4;  ///< columns that share one load of L
-  using Lanes = Eigen::Array<Scalar, lanes, 1>;
-  using LanesMap = Eigen::Map<Lanes>;
-  using ConstLanesMap = Eigen::Map<const Lanes>;
+  static constexpr int lanes = detail::lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
+  static constexpr int tile = 4;                            ///< columns of B̂ that share one load of L
+  using Lanes = detail::Lanes<Scalar>;
   using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
-
-  static Index padded(Index size) { return (size + lanes - 1) / lanes * lanes; }
-
-  /// An unbranched run of subsystems: its path positions, and its subtree.
-  struct Limb {
-    bool root;                     ///< whether it hangs on the world
-    Index begin, end;              ///< path positions of its own velocities
-    Index v_begin, v_end;          ///< rows of its subtree
-    Index subsystem, subtree_end;  ///< subsystems of its subtree
-  };
 
   /// Where one column of B̂ is worked on and where it goes.
   struct Column {
@@ -85,123 +83,33 @@ private:
     Index depth;  ///< path positions that the input reaches
   };
 
-  /// Blocks of inputs in the order of the subsystems that they act on: those of a subtree stand together.
-  void sort_inputs()
-  {
-    for (Index id = 0; id < inputs_->blocks(); ++id) { order_.push_back(id); }
-    std::stable_sort(order_.begin(), order_.end(),
-                     [&](Index a, Index b) { return inputs_->block(a).subsystem < inputs_->block(b).subsystem; });
-    blocks_end_.assign(static_cast<std::size_t>(tree_->size()) + 1, 0);
-    for (const Index id : order_) { ++blocks_end_[static_cast<std::size_t>(inputs_->block(id).subsystem) + 1]; }
-    for (std::size_t i = 1; i < blocks_end_.size(); ++i) { blocks_end_[i] += blocks_end_[i - 1]; }
-    columns_begin_.assign(order_.size() + 1, 0);
-    bhat_column_.assign(order_.size(), 0);
-  }
-
-  /// Every frame's H lives until the last of its children is done; the last child may write over it.
-  void assign_buffers()
-  {
-    const std::size_t frames = static_cast<std::size_t>(tree_->n_frames());
-    std::vector<Index> last_use(frames, -1);
-    for (const Node& node : tree_->nodes()) {
-      if (node.inlet >= 0) { last_use[static_cast<std::size_t>(node.inlet)] = node.index; }
-    }
-    buffer_of_.assign(frames, -1);
-    std::vector<int> free;
-    int count = 0;
-    const auto take = [&] {
-      if (free.empty()) { return count++; }
-      const int buffer = free.back();
-      free.pop_back();
-      return buffer;
-    };
-    for (const Node& node : tree_->nodes()) {
-      const Index end = node.index + 1 < tree_->size() ? tree_->node(node.index + 1).frame : tree_->n_frames();
-      // The inlet is read lane by lane before the first frame writes the same lanes: the buffer may be the same.
-      if (node.inlet >= 0 && last_use[static_cast<std::size_t>(node.inlet)] == node.index) {
-        free.push_back(buffer_of_[static_cast<std::size_t>(node.inlet)]);
-      }
-      for (Index f = node.frame; f < end; ++f) { buffer_of_[static_cast<std::size_t>(f)] = take(); }
-      for (Index f = node.frame; f < end; ++f) {
-        if (last_use[static_cast<std::size_t>(f)] < 0) { free.push_back(buffer_of_[static_cast<std::size_t>(f)]); }
-      }
-    }
-    buffers_.assign(static_cast<std::size_t>(count), Buffer::Zero(depth_, 6));
-  }
-
-  void find_limbs()
-  {
-    std::vector<Index> children(static_cast<std::size_t>(tree_->size()), 0);
-    for (const Node& node : tree_->nodes()) {
-      if (node.parent >= 0) { ++children[static_cast<std::size_t>(node.parent)]; }
-    }
-    std::vector<std::size_t> limb_of;
-    path_end_.resize(static_cast<std::size_t>(tree_->n_v()));
-    for (const Node& node : tree_->nodes()) {
-      const Index own = (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
-      if (node.parent >= 0 && children[static_cast<std::size_t>(node.parent)] == 1) {
-        limb_of.push_back(limb_of[static_cast<std::size_t>(node.parent)]);
-        limbs_[limb_of.back()].end += own;
-      } else {
-        limb_of.push_back(limbs_.size());
-        limbs_.push_back({node.parent < 0, node.path_v, node.path_v + own, node.v, node.v_end, node.index,
-                          node.subtree_end});
-        roots_ += node.parent < 0;
-      }
-      for (Index d = 0; d < own; ++d) { path_end_[static_cast<std::size_t>(node.v + d)] = node.path_v + own; }
-    }
-    for (const std::size_t limb : limb_of) { limb_end_.push_back(limbs_[limb].end); }
-  }
-
-  Scalar* H(Index frame) { return buffers_[static_cast<std::size_t>(buffer_of_[static_cast<std::size_t>(frame)])].data(); }
-
-  /// Active columns, in the order of the subsystems that they act on.
-  void number_columns()
-  {
-    Index column = 0;
-    for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
-      bhat_column_[id] = column;
-      const Input<Scalar>& input = inputs_->block(static_cast<Index>(id));
-      column += input.active ? input.size : 0;
-    }
-    column = 0;
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-      columns_begin_[k] = column;
-      const Input<Scalar>& input = inputs_->block(order_[k]);
-      for (Index j = 0; j < input.size && input.active; ++j) {
-        columns_[static_cast<std::size_t>(column++)].bhat = bhat_column_[static_cast<std::size_t>(order_[k])] + j;
-      }
-    }
-    columns_begin_.back() = column;
-  }
+  Scalar* H(Index frame) { return H_[static_cast<std::size_t>(frame_buffers_[frame])].data(); }
 
   /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
   template <class Workspace>
   void outward(const Workspace& ws)
   {
+    Index column = 0;
     tree_->outward([&]<class N, class S>(const N& node, const S&) {
       const NodeState<S>& state = ws.template node<S>(node);
-      if constexpr (!detail::is_free<S>()) {
-        for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
-      }
+      for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
       if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
-      const std::size_t end = blocks_end_[static_cast<std::size_t>(node.index) + 1];
-      for (std::size_t k = blocks_end_[static_cast<std::size_t>(node.index)]; k < end; ++k) {
-        const Input<Scalar>& input = inputs_->block(order_[k]);
-        if (!input.active) { continue; }
-        const Index depth = node.path_v + S::n_i;
+      first_column_[static_cast<std::size_t>(node.index)] = column;
+      const Index depth = node.path_v + S::n_i;
+      inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
         if (input.kind == InputKind::motor) {
-          project_motor<S>(ws, input, columns_begin_[k], depth);
+          project_motor<S>(ws, input, column, depth);
         } else {
-          project_point(ws.frame(input.frame), input, columns_begin_[k], depth);
+          project_point(ws.frame(input.frame), input, column, depth);
         }
-        for (Index j = columns_begin_[k]; j < columns_begin_[k] + input.size; ++j) {
-          columns_[static_cast<std::size_t>(j)].depth = depth;
-          const Index end = limb_end_[static_cast<std::size_t>(node.index)];
-          std::fill(beta_.data() + j * depth_ + depth, beta_.data() + j * depth_ + end, Scalar(0));
+        const Index limb_end = limbs_[limbs_.limb_of(node.index)].end;
+        for (Index j = 0; j < input.size; ++j, ++column) {
+          columns_[static_cast<std::size_t>(column)] = {bhat + j, depth};
+          std::fill(beta_.data() + column * depth_ + depth, beta_.data() + column * depth_ + limb_end, Scalar(0));
         }
-      }
+      });
     });
+    first_column_.back() = column;
   }
 
   /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
@@ -211,7 +119,7 @@ private:
     constexpr int n_i = S::n_i;
     const Scalar* inlet = H(node.inlet) + a;
     std::array<Lanes, 6> y;
-    for (int c = 0; c < 6; ++c) { y[at(c)] = ConstLanesMap(inlet + c * depth_); }
+    for (int c = 0; c < 6; ++c) { y[at(c)] = detail::load(inlet + c * depth_); }
     y[0] += y[4] * state.r(2) - y[5] * state.r(1);
     y[1] += y[5] * state.r(0) - y[3] * state.r(2);
     y[2] += y[3] * state.r(1) - y[4] * state.r(0);
@@ -220,7 +128,7 @@ private:
     for (int d = 0; d < n_i; ++d) {
       l[at(d)] = -state.W(d, 0) * y[0];
       for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
-      LanesMap(L_rows_.data() + (node.v + d) * depth_ + a) = l[at(d)];
+      detail::store(L_rows_.data() + (node.v + d) * depth_ + a, l[at(d)]);
       const Index count = std::min<Index>(lanes, node.path_v - a);
       for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
     }
@@ -228,10 +136,12 @@ private:
       Scalar* frame = H(node.frame + k) + a;
       for (int c = 0; c < 6; ++c) {
         Lanes h = y[at(c)];
-        if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+        if constexpr (detail::is_free<S>()) {
+          h.setZero();  // y − S Sᵀ y
+        } else if (c < 3 ? S::pattern.linear : S::pattern.angular) {
           for (int d = 0; d < n_i; ++d) { h += state.S_k[at(k)](c, d) * l[at(d)]; }
         }
-        LanesMap(frame + c * depth_) = h;
+        detail::store(frame + c * depth_, h);
       }
     }
   }
@@ -271,8 +181,8 @@ private:
       const Scalar* Bbar = ws.Bbar().data() + input.bbar + j * S::n_i;
       for (Index a = 0; a < depth; a += lanes) {
         Lanes sum = Lanes::Zero();
-        for (int d = 0; d < S::n_i; ++d) { sum += ConstLanesMap(L_rows_.data() + (input.v + d) * depth_ + a) * Bbar[d]; }
-        LanesMap(beta + a) = sum;
+        for (int d = 0; d < S::n_i; ++d) { sum += detail::load(L_rows_.data() + (input.v + d) * depth_ + a) * Bbar[d]; }
+        detail::store(beta + a, sum);
       }
     }
   }
@@ -289,17 +199,18 @@ private:
     Scalar* beta = beta_.data() + column * depth_;
     for (Index a = 0; a < depth; a += lanes) {
       std::array<Lanes, 6> V;
-      for (int c = 0; c < 6; ++c) { V[at(c)] = ConstLanesMap(h + c * depth_ + a); }
+      for (int c = 0; c < 6; ++c) { V[at(c)] = detail::load(h + c * depth_ + a); }
       V[0] += V[4] * x(2) - V[5] * x(1);
       V[1] += V[5] * x(0) - V[3] * x(2);
       V[2] += V[3] * x(1) - V[4] * x(0);
       for (int c = 0; c < static_cast<int>(input.size); ++c) {
         if (turned) {
           const int first = c < 3 ? 0 : 3;
-          LanesMap(beta + c * depth_ + a) = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
-                                            V[at(first + 2)] * axes(2, c - first);
+          const Lanes v = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
+                          V[at(first + 2)] * axes(2, c - first);
+          detail::store(beta + c * depth_ + a, v);
         } else {
-          LanesMap(beta + c * depth_ + a) = V[at(c)];
+          detail::store(beta + c * depth_ + a, V[at(c)]);
         }
       }
     }
@@ -310,17 +221,18 @@ private:
   {
     auto Bhat = result_.Bhat(m);
     if (roots_ != 1) { Bhat.setZero(); }
-    for (const Limb& limb : limbs_) {
-      const Index end = columns_begin_[blocks_end_[static_cast<std::size_t>(limb.subtree_end)]];
-      Index j = columns_begin_[blocks_end_[static_cast<std::size_t>(limb.subsystem)]];
-      for (; j + tile <= end; j += tile) { multiply_tile<tile>(limb, j, Bhat); }
-      for (; j < end; ++j) { multiply_tile<1>(limb, j, Bhat); }
+    for (Index k = 0; k < limbs_.size(); ++k) {
+      const auto [subsystem, subtree_end] = limb_subsystems_[static_cast<std::size_t>(k)];
+      const Index end = first_column_[static_cast<std::size_t>(subtree_end)];
+      Index j = first_column_[static_cast<std::size_t>(subsystem)];
+      for (; j + tile <= end; j += tile) { multiply_tile<tile>(limbs_[k], j, Bhat); }
+      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], j, Bhat); }
     }
   }
 
   /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
   template <int count, class Matrix>
-  void multiply_tile(const Limb& limb, Index column, Matrix& Bhat)
+  void multiply_tile(const detail::Limb& limb, Index column, Matrix& Bhat)
   {
     Index depth = 0;
     std::array<Scalar*, count> target;
@@ -331,17 +243,17 @@ private:
     }
     depth = std::min(depth, limb.end);
     const Scalar* beta = beta_.data() + column * depth_;
-    for (Index v = limb.v_begin; v < limb.v_end; v += lanes) {
+    for (Index v = limb.v; v < limb.v_end; v += lanes) {
       const Index rows = std::min<Index>(lanes, limb.v_end - v);
       const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
       std::array<Lanes, count> sum;
       for (int j = 0; j < count; ++j) { sum[at(j)].setZero(); }
       const Scalar* l = L_.data() + limb.begin * rows_ + v;
       for (Index a = limb.begin; a < end; ++a, l += rows_) {
-        const Lanes L = ConstLanesMap(l);
+        const Lanes L = detail::load(l);
         for (int j = 0; j < count; ++j) { sum[at(j)] += L * beta[j * depth_ + a]; }
       }
-      for (int j = 0; j < count; ++j) { write<8>(target[at(j)] + v, sum[at(j)], 0, rows, limb.root); }
+      for (int j = 0; j < count; ++j) { write<lanes>(target[at(j)] + v, sum[at(j)], 0, rows, limb.parent < 0); }
     }
   }
 
@@ -349,42 +261,41 @@ private:
   template <int run>
   static void write(Scalar* target, const Lanes& sum, int done, Index rows, bool assign)
   {
-    if constexpr (run <= lanes) {
-      if (rows - done >= run) {
-        using Run = Eigen::Array<Scalar, run, 1>;
-        Eigen::Map<Run> to(target + done);
-        const Run part = sum.template segment<run>(done);
-        if (assign) {
-          to = part;
-        } else {
-          to += part;
-        }
-        done += run;
+    if (rows - done >= run) {
+      using Run = Eigen::Array<Scalar, run, 1>;
+      Eigen::Map<Run> to(target + done);
+      const Run part = sum.template segment<run>(done);
+      if (assign) {
+        to = part;
+      } else {
+        to += part;
       }
+      done += run;
     }
     if constexpr (run > 1) { write<run / 2>(target, sum, done, rows, assign); }
   }
 
   static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
+  struct Range {
+    Index begin, end;
+  };
+
   const Tree* tree_;
-  const Inputs<Tree>* inputs_;
+  detail::Limbs limbs_;
+  detail::FrameBuffers frame_buffers_;
+  detail::SortedInputs<Tree> inputs_;
   Index depth_;             // padded length of the longest path
   Index rows_;              // n_v, padded so that lanes may begin at any row
   MatrixX<Scalar> L_;       // rows × depth: Γ⁻¹ diag(C); entry (r, a) belongs to the a-th velocity on r's path
   MatrixX<Scalar> L_rows_;  // its transpose
   MatrixX<Scalar> beta_;    // depth × m
-  std::vector<Buffer> buffers_;
-  std::vector<int> buffer_of_;
-  std::vector<Limb> limbs_;
+  std::vector<Buffer> H_;
+  std::vector<Index> path_end_;         // of a row: path positions up to and including its subsystem
+  std::vector<Range> limb_subsystems_;  // of a limb: subsystems of its subtree
+  std::vector<Index> first_column_;     // of a subsystem: active columns, sorted, on those before it
+  std::vector<Column> columns_;         // sorted along the tree
   Index roots_ = 0;
-  std::vector<Index> path_end_;          // of a row: path positions up to and including its subsystem
-  std::vector<Index> limb_end_;          // of a subsystem: path positions at the end of its limb
-  std::vector<Index> order_;             // blocks of inputs, sorted by subsystem
-  std::vector<std::size_t> blocks_end_;  // of a subsystem: place in order_ behind the blocks on those before it
-  std::vector<Index> columns_begin_;     // of a place in order_: first column
-  std::vector<Index> bhat_column_;       // of a block: first column of B̂
-  std::vector<Column> columns_;
   detail::ResultMemory<Scalar> result_;
 };
 

@@ -16,6 +16,8 @@ namespace iim {
 struct Scene {
   bool velocity = true;  ///< false: q̇ = 0, and the argument is not read
   bool gravity = true;   ///< false: free fall
+
+  bool operator==(const Scene&) const = default;
 };
 
 namespace detail {

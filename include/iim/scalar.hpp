@@ -62,9 +62,31 @@ bool is_finite(const Scalar& x)
   return ScalarTraits<Scalar>::is_finite(x);
 }
 
+/// Whether `size` numbers in a row are finite. An exponent of all ones carries into the sign's place when one is added
+/// to it; one loop of and, add, or, that compilers turn into vector instructions.
+inline bool all_finite(const double* x, Eigen::Index size)
+{
+  std::uint64_t carried = 0;
+  for (Eigen::Index k = 0; k < size; ++k) {
+    carried |= (std::bit_cast<std::uint64_t>(x[k]) & 0x7ff0000000000000u) + 0x0010000000000000u;
+  }
+  return carried >> 63 == 0;
+}
+inline bool all_finite(const float* x, Eigen::Index size)
+{
+  std::uint32_t carried = 0;
+  for (Eigen::Index k = 0; k < size; ++k) { carried |= (std::bit_cast<std::uint32_t>(x[k]) & 0x7f800000u) + 0x00800000u; }
+  return carried >> 31 == 0;
+}
+
 template <class Derived>
 bool all_finite(const Eigen::DenseBase<Derived>& m)
 {
+  if constexpr (requires { all_finite(m.derived().data(), m.size()); }) {
+    if (m.derived().innerStride() == 1 && (m.cols() == 1 || m.derived().outerStride() == m.rows())) {
+      return all_finite(m.derived().data(), m.size());
+    }
+  }
   bool finite = true;
   for (Eigen::Index j = 0; j < m.cols(); ++j) {
     for (Eigen::Index i = 0; i < m.rows(); ++i) {

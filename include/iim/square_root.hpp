@@ -17,8 +17,6 @@
 #include <iim/body.hpp>
 #include <iim/spatial.hpp>
 
-#include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -37,6 +35,38 @@ struct RootInertia {
   std::array<RootRow<Scalar>, 6> row;
   int rows = 0;
 };
+
+/// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's rotations: small eigenvalues keep their own digits,
+/// and any Scalar with a square root will do.
+template <class Scalar>
+void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>& axes)
+{
+  using std::abs;
+  using std::sqrt;
+  const Scalar epsilon = Eigen::NumTraits<Scalar>::epsilon();
+  axes.setIdentity();
+  for (int sweep = 0; sweep < 32; ++sweep) {
+    bool diagonal = true;
+    for (int p = 0; p < 2; ++p) {
+      for (int q = p + 1; q < 3; ++q) {
+        if (!(abs(I(p, q)) > epsilon * sqrt(abs(I(p, p)) * abs(I(q, q))))) { continue; }
+        diagonal = false;
+        // t = tan of the angle that makes I(p, q) zero, the smaller of the two
+        const Scalar theta = (I(q, q) - I(p, p)) / (Scalar(2) * I(p, q));
+        const Scalar root = sqrt(theta * theta + Scalar(1));
+        const Scalar t = theta > Scalar(0) ? Scalar(1) / (theta + root) : Scalar(1) / (theta - root);
+        const Scalar c = Scalar(1) / sqrt(t * t + Scalar(1));
+        const Scalar s = t * c;
+        Matrix3<Scalar> J = Matrix3<Scalar>::Identity();
+        J(p, p) = c, J(q, q) = c, J(p, q) = s, J(q, p) = -s;
+        I = Matrix3<Scalar>(J.transpose() * I * J);
+        axes = Matrix3<Scalar>(axes * J);
+      }
+    }
+    if (diagonal) { break; }
+  }
+  moment = I.diagonal();
+}
 
 /// The rigid body that one frame carries, by its principal axes: constants of N_b and z_b.
 template <class Scalar>
@@ -58,9 +88,7 @@ struct BodyRoot {
     Vector3<Scalar> moment = body.central_inertia.diagonal();
     const Matrix3<Scalar> diagonal = moment.asDiagonal();
     if (body.central_inertia != diagonal) {
-      const Eigen::SelfAdjointEigenSolver<Matrix3<Scalar>> solver(body.central_inertia);
-      moment = solver.eigenvalues();
-      axes = solver.eigenvectors();
+      principal_axes(body.central_inertia, moment, axes);
     }
     for (int pass = 0; pass < 2; ++pass) {  // largest first
       for (int k = 0; k < 2; ++k) {

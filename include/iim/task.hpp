@@ -22,6 +22,7 @@
 
 #include <array>
 #include <cassert>
+#include <limits>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -347,7 +348,7 @@ private:
   TaskRows<Scalar> result(Index m, Status status, Index subsystem)
   {
     if (status != Status::ok) {
-      const Scalar nan = Eigen::NumTraits<Scalar>::quiet_NaN();
+      const Scalar nan = std::numeric_limits<Scalar>::quiet_NaN();
       J_.setConstant(nan);
       JB_.setConstant(nan);
       Jdot_qd_.setConstant(nan);

@@ -63,6 +63,14 @@ struct MotorArmOn {
         throw ModelError(name + ": rotor mass and inertias must not be negative, got " + detail::to_text(x));
       }
     }
+    if (!detail::all_finite(motor.com)) {
+      throw ModelError(name + ": centre of the rotor must be finite, got " + detail::to_text(motor.com));
+    }
+    // A disc has twice its transverse inertia about its axis; no body has more.
+    if (motor.mass > Scalar(0) && motor.axial_inertia > Scalar(2 + 1e-6) * motor.transverse_inertia) {
+      throw ModelError(name + ": axial inertia of a rotor cannot exceed twice its transverse inertia, got " +
+                       detail::to_text(motor.axial_inertia) + " and " + detail::to_text(motor.transverse_inertia));
+    }
   }
 
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>& qd,

@@ -1,0 +1,140 @@
+// Six-vector kernels against the dense matrices that they stand for.
+#include <catch.hpp>
+#include <iim/articulated_inertia.hpp>
+#include <iim/square_root.hpp>
+
+#include <random>
+
+using namespace iim;
+
+namespace {
+
+std::mt19937 random_source(7);
+
+template <class M>
+M random()
+{
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  M m;
+  for (Index i = 0; i < m.size(); ++i) { m(i) = uniform(random_source); }
+  return m;
+}
+
+Matrix6<double> twist_transform(const Vector3<double>& r)
+{
+  Matrix6<double> X = Matrix6<double>::Identity();
+  X.topRightCorner<3, 3>() = -skew(r);
+  return X;
+}
+
+SpatialInertia<double> random_inertia()
+{
+  const Matrix6<double> N = random<Matrix6<double>>();
+  const Matrix6<double> A = N.transpose() * N;
+  SpatialInertia<double> inertia;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) {
+      inertia.M(i, j) = A(i, j);
+      inertia.H(i, j) = A(i, j + 3);
+      inertia.J(i, j) = A(i + 3, j + 3);
+    }
+  }
+  return inertia;
+}
+
+// A few roundings of numbers of size one to ten.
+constexpr double tolerance = 64 * std::numeric_limits<double>::epsilon();
+
+}  // namespace
+
+TEST_CASE("shifts are X(r), its transpose and its congruence")
+{
+  for (int k = 0; k < 20; ++k) {
+    const auto r = random<Vector3<double>>();
+    const auto V = random<Vector6<double>>();
+    const Matrix6<double> X = twist_transform(r);
+    CHECK((shift_twist(r, V) - X * V).norm() < tolerance);
+    CHECK((shift_wrench(r, V) - X.transpose() * V).norm() < tolerance);
+    const SpatialInertia<double> A = random_inertia();
+    SpatialInertia<double> sum = random_inertia();
+    const Matrix6<double> expected = sum.dense() + X.transpose() * A.dense() * X;
+    sum.add_shifted(A, r);
+    CHECK((sum.dense() - expected).norm() < tolerance);
+  }
+}
+
+TEST_CASE("the projected inertia is the congruence, and what the printed update gives")
+{
+  constexpr MotionPattern all{};
+  for (int k = 0; k < 20; ++k) {
+    const SpatialInertia<double> A = random_inertia();
+    const auto S = random<Eigen::Matrix<double, 6, 2>>();
+    Eigen::Matrix<double, 6, 2> U;
+    detail::inertia_times<all>(A, S, U);
+    CHECK((U - A.dense() * S).norm() < tolerance);
+    const auto W = random<Eigen::Matrix<double, 2, 6>>();
+    const Matrix6<double> P = Matrix6<double>::Identity() - S * W;
+    CHECK((detail::projected<all>(A, S, U, W).dense() - P.transpose() * A.dense() * P).norm() < 8 * tolerance);
+    SpatialInertia<double> printed = A;
+    const Eigen::Matrix<double, 2, 6> gain = (S.transpose() * U).inverse() * U.transpose();
+    detail::subtract_product(U, gain, printed);
+    CHECK((printed.dense() - (A.dense() - U * gain)).norm() < tolerance * (1 + U.norm() * gain.norm()));
+    const auto z = random<Vector6<double>>();
+    SpatialInertia<double> square = A;
+    detail::add_square(3.0, z, square);
+    CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < tolerance);
+  }
+}
+
+TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large ones to their own size")
+{
+  constexpr int most = 17;
+  for (int count : {3, 6, 7, 11, 17}) {
+    for (double heavy : {1.0, 1e6, 1e12}) {
+      std::array<detail::RootRow<double>, most> rows;
+      Eigen::Matrix<long double, 7, 7> before = Eigen::Matrix<long double, 7, 7>::Zero();
+      for (int r = 0; r < count; ++r) {
+        auto& row = rows[static_cast<std::size_t>(r)];
+        row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        const Eigen::Matrix<long double, 7, 1> n = row.head<7>().matrix().cast<long double>();
+        before += n * n.transpose();
+      }
+      std::array<detail::RootRow<double>, 6> result;
+      const int left = detail::compress<most>(rows, count, result);
+      CHECK(left == std::min(count, 6));
+      Eigen::Matrix<long double, 7, 7> after = Eigen::Matrix<long double, 7, 7>::Zero();
+      for (int r = 0; r < left; ++r) {
+        const Eigen::Matrix<long double, 7, 1> n =
+            result[static_cast<std::size_t>(r)].head<7>().matrix().cast<long double>();
+        after += n * n.transpose();
+      }
+      const auto error = (after - before).topRows<6>().norm() / before.norm();
+      CHECK(static_cast<double>(error) < tolerance);
+      if (count >= 11) {
+        // The Schur complement of three heavy directions is light: it must not drown in them.
+        const Eigen::Matrix<long double, 6, 6> exact = before.topLeftCorner<6, 6>().inverse();
+        const Eigen::Matrix<long double, 6, 6> computed = after.topLeftCorner<6, 6>().inverse();
+        if (heavy == 1e6) { CHECK(static_cast<double>((computed - exact).norm() / exact.norm()) < 1e-10); }
+      }
+    }
+  }
+}
+
+TEST_CASE("principal axes: an orthogonal matrix and the moments, small ones to their own size")
+{
+  for (const double ratio : {1.0, 1e-4, 1e-10}) {
+    for (int k = 0; k < 20; ++k) {
+      const Eigen::Quaterniond turn(random<Eigen::Vector4d>().normalized());
+      const Matrix3<double> R = turn.toRotationMatrix();
+      const Vector3<double> expected(1.0, 1.0 + ratio / 2, ratio);
+      const Matrix3<double> half = expected.cwiseSqrt().asDiagonal() * R.transpose();
+      const Matrix3<double> I = half.transpose() * half;
+      Vector3<double> moment;
+      Matrix3<double> axes;
+      detail::principal_axes(I, moment, axes);
+      CHECK((axes.transpose() * axes - Matrix3<double>::Identity()).norm() < tolerance);
+      CHECK((axes * moment.asDiagonal() * axes.transpose() - I).norm() < tolerance);
+      CHECK(std::abs(moment.minCoeff() - ratio) < tolerance);
+    }
+  }
+}
