@@ -90,7 +90,7 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
 {
   constexpr int most = 17;
   for (int count : {3, 6, 7, 11, 17}) {
-    for (double heavy : {1.0, 1e6, 1e12}) {
+    for (double heavy : {1.0, 1e3, 1e12}) {
       std::array<detail::RootRow<double>, most> rows;
       Eigen::Matrix<long double, 7, 7> before = Eigen::Matrix<long double, 7, 7>::Zero();
       for (int r = 0; r < count; ++r) {
@@ -114,7 +114,8 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
         // The Schur complement of three heavy directions is light: it must not drown in them.
         const Eigen::Matrix<long double, 6, 6> exact = before.topLeftCorner<6, 6>().inverse();
         const Eigen::Matrix<long double, 6, 6> computed = after.topLeftCorner<6, 6>().inverse();
-        if (heavy == 1e6) { CHECK(static_cast<double>((computed - exact).norm() / exact.norm()) < 1e-10); }
+        // (The check itself, on NᵀN in long double, loses 1e6 of 1e-19; a QR that is stable only as a whole, 1e-10.)
+        if (heavy == 1e3) { CHECK(static_cast<double>((computed - exact).norm() / exact.norm()) < 3e-12); }
       }
     }
   }

@@ -37,13 +37,14 @@ public:
       : tree_(&tree), limbs_(tree), frame_buffers_(tree), inputs_(inputs), depth_(detail::padded<Scalar>(limbs_.depth())),
         rows_(detail::padded<Scalar>(tree.n_v()) + lanes), L_(rows_, depth_), L_rows_(depth_, tree.n_v()),
         beta_(depth_, inputs.max_columns()),
-        H_(static_cast<std::size_t>(frame_buffers_.count()), Buffer::Zero(depth_, 6)),
+        H_(static_cast<std::size_t>(frame_buffers_.count())),
         first_column_(static_cast<std::size_t>(tree.size()) + 1, 0),
         columns_(static_cast<std::size_t>(inputs.max_columns())), result_(tree.n_v(), inputs.max_columns())
   {
     L_.setZero();
     L_rows_.setZero();
     beta_.setZero();
+    for (Buffer& H : H_) { H.setZero(depth_, 6); }
     path_end_.resize(static_cast<std::size_t>(tree.n_v()));
     for (const Node& node : tree.nodes()) {
       const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
