@@ -18,6 +18,9 @@ bool operator==(const Index& a, const Index& b)
 }
 }  // namespace SimTK
 
+// Its vectors of incomplete types are no C++20 either; left out by its own include guard.
+#define SimTK_SIMMATH_MULTIBODY_GRAPH_MAKER_H_
+
 #include <simbody/internal/Force_Gravity.h>
 #include <simbody/internal/GeneralForceSubsystem.h>
 #include <simbody/internal/MobilizedBody_Free.h>
