@@ -234,18 +234,21 @@ jobs() {  # one compiler per core, and 1.5 GB for each
   echo "$cores"
 }
 
-configure_and_build() {  # configure_and_build FOLDER PRESET [cmake arguments]
+configure_and_build() {  # configure_and_build FOLDER PRESET [target]
   folder=$1
   preset=$2
-  shift 2
+  target=${3:-}
   find_compiler
   generator=
   if [ ! -e "$folder/CMakeCache.txt" ] && command -v ninja > /dev/null 2>&1; then generator='-G Ninja'; fi
   say "configuring $folder"
   # shellcheck disable=SC2086
-  (cd "$top" && cmake --preset "$preset" -B "$folder" $generator ${compiler:+"-DCMAKE_CXX_COMPILER=$compiler"} "$@")
+  (cd "$top" && cmake --preset "$preset" -B "$folder" $generator ${compiler:+"-DCMAKE_CXX_COMPILER=$compiler"})
   say "building with ${compiler:-the default compiler}"
-  cmake --build "$folder" --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(jobs)}"
+  if [ -n "$target" ] && ! cmake --build "$folder" --target help | grep -q "^\(\.\.\. \)\{0,1\}$target\( *$\|:\)"; then
+    die "$target was left out of the build; the lines 'Left out' above say why"
+  fi
+  cmake --build "$folder" --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(jobs)}" ${target:+--target "$target"}
 }
 
 run_test() {
@@ -267,8 +270,7 @@ run_program() {  # run_program VERB PROGRAM [arguments]
   prepare "$verb"
   find_compiler
   folder=$build/bench-$(basename "${compiler:-default}")
-  configure_and_build "$folder" bench
-  [ -x "$folder/bench/$program" ] || die "$program was left out of the build; the lines 'Left out' above say why"
+  configure_and_build "$folder" bench "$program"
   say "running $program, report in $build/report"
   mkdir -p "$build/report"
   "$folder/bench/$program" --out "$build/report" "$@"

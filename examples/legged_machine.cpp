@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <random>
 #include <string>
@@ -174,10 +175,12 @@ int main()
   std::printf("%-20s %10s %22s %22s\n", "method", "time [us]", "difference of qdd0", "of Bhat");
   bool agree = true;
   for (const Measured& m : methods) {
-    const double of_qdd0 = (m.qdd0 - methods[0].qdd0).norm() / methods[0].qdd0.norm();
-    const double of_Bhat = (m.Bhat - methods[0].Bhat).norm() / methods[0].Bhat.norm();
+    // Row by row: a light rotor accelerates a thousand times as much as the torso.
+    const double of_qdd0 = ((m.qdd0 - methods[0].qdd0).array() / methods[0].qdd0.array()).abs().maxCoeff();
+    const double of_Bhat =
+        ((m.Bhat - methods[0].Bhat).rowwise().norm().array() / methods[0].Bhat.rowwise().norm().array()).maxCoeff();
     std::printf("%-20s %10.2f %22.1e %22.1e\n", m.name, m.microseconds, of_qdd0, of_Bhat);
-    agree = agree && of_qdd0 < 1e-9 && of_Bhat < 1e-9;
+    agree = agree && of_qdd0 < 1e-9 && of_Bhat < 1e-9;  // false for NaN
   }
   return agree ? 0 : 1;
 }

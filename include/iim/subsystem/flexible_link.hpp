@@ -270,7 +270,8 @@ private:
     }
     if constexpr (n_z > 0) {
       // Displaced along the clamp's z, which the turn about z above leaves where it was.
-      moved = moved.slid(e3, D(length) * sum(n_joint + n_y, n_z, s.deflection)).turned(e2, -sum(n_joint + n_y, n_z, s.slope));
+      moved = moved.slid(e3, D(length) * sum(n_joint + n_y, n_z, s.deflection))
+                  .turned(e2, -sum(n_joint + n_y, n_z, s.slope));
     }
     if constexpr (n_t > 0) { moved = moved.turned(e1, sum(n_joint + n_y + n_z, n_t, s.twist)); }
     return moved;

@@ -19,7 +19,7 @@ struct PushRod {
   Vector3<Scalar> crank = Vector3<Scalar>::UnitX();  ///< hinge to rod for a crank angle of 0, perpendicular to the axis [m]
   Vector3<Scalar> foot = Vector3<Scalar>::Zero();    ///< where the rod ends, in the foot's frame [m]
   Scalar rod = Scalar(1);                            ///< length [m]
-  Scalar side = Scalar(1);                           ///< of the two crank angles, that with ∂rod/∂angle > 0 (1) or < 0 (−1)
+  Scalar side = Scalar(1);  ///< of the two crank angles, that with ∂rod/∂angle > 0 (1) or < 0 (−1)
   Scalar rod_mass = Scalar(0);                       ///< uniform and slender [kg]
   Scalar gear_ratio = Scalar(1);                     ///< rotor rate per crank rate
   Scalar rotor_inertia = Scalar(0);                  ///< about the axis [kg m²]; mass and the rest: in the shank's body
