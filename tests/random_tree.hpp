@@ -129,7 +129,7 @@ struct RandomOptions {
   double root = 0.12;              ///< chance that a part beyond the first hangs on the world
   double chain = 0.5;              ///< chance that it hangs on the part before it, else on any
   double floating_root = 0.5;      ///< chance that a part on the world is a floating base
-  double floating_inside = 0;      ///< the same for other parts
+  double floating_inside = 0.05;      ///< the same for other parts
   double motor_arm = 0.4;          ///< chance of a motor-arm among the other types
   double armature = 0.3;           ///< chance that a motor-arm's rotor is armature only
   double fixed = 0.1;

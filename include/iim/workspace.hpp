@@ -115,7 +115,8 @@ public:
 
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
-  VectorX<Scalar>& load() { return load_; }  ///< generalised forces Bu on the velocities themselves
+  VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
+  const VectorX<Scalar>& load() const { return load_; }
   VectorX<Scalar>& Bbar() { return Bbar_; }  ///< the q̇ rows of all B̄_i, column by column (Node::bbar)
   const VectorX<Scalar>& Bbar() const { return Bbar_; }
 

@@ -1,0 +1,133 @@
+// T_ip, F_i, M̄_i, h̄_i and B̄_i of one subsystem as dense matrices: to look at, to check against, to teach with.
+// The recursions never form them.
+#pragma once
+
+#include <iim/forward_dynamics.hpp>
+#include <iim/inward.hpp>
+
+#include <array>
+#include <cassert>
+#include <vector>
+
+namespace iim {
+
+/// One subsystem i in the paper's terms, V_i = (v_o; ω_o; q̇_i) (6): velocity of the inlet's point that is at i's
+/// coupling point, angular velocity of the inlet, internal velocities. All axes are parallel to the world's. A free
+/// base's coupling point is its own origin.
+template <class Scalar>
+struct SubsystemMatrices {
+  MatrixX<Scalar> T_ip;                ///< (6 + n_i) × (6 + n_p), V_i = T_ip V_p + F_i q̇_i (8); no columns for a root
+  VectorX<Scalar> T_ip_dot_V_p;        ///< 6 + n_i: V̇_i = T_ip V̇_p + Ṫ_ip V_p + F_i q̈_i
+  MatrixX<Scalar> F;                   ///< (0; 0; 1), (6 + n_i) × n_i (7)
+  MatrixX<Scalar> Mbar;                ///< M̄_i, (6 + n_i) square (A5)
+  VectorX<Scalar> hbar;                ///< h̄_i for u = 0: velocity terms, weight, springs; M̄_i V̇_i + h̄_i = B̄_i u + coupling (10)
+  MatrixX<Scalar> Bbar;                ///< B̄_i of the subsystem's own motors, (6 + n_i) × n_u
+  std::vector<MatrixX<Scalar>> frame;  ///< [1 S_k]: twist of frame k at the coupling point from V_i, 6 × (6 + n_i); its
+                                       ///< transpose takes a wrench on the frame, about that point, into h̄_i
+};
+
+namespace detail {
+
+template <Scene scene, class S, class N, class Workspace>
+void add_rotors(const N& node, const S& s, const Workspace& ws, SubsystemMatrices<typename S::Scalar>& m)
+{
+  using Scalar = typename S::Scalar;
+  if constexpr (rotor_count<S>() > 0) {
+    const NodeState<S>& state = ws.template node<S>(node);
+    for (const auto& rotor : s.rotors()) {
+      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
+      VectorX<Scalar> g = VectorX<Scalar>::Zero(6 + S::n_i);
+      g.segment(3, 3) = spun.a;
+      g.tail(S::n_i) = spun.e;
+      m.Mbar += spun.J * g * g.transpose();
+      m.hbar += spun.J * spun.bias * g;
+      if constexpr (scene.velocity) {
+        Vector6<Scalar> hg = Vector6<Scalar>::Zero();
+        Eigen::Matrix<Scalar, S::n_i, 1> hq = Eigen::Matrix<Scalar, S::n_i, 1>::Zero();
+        add_gyroscopic(spun, rotor, state, hg, hq);
+        m.hbar.head(6) += hg;
+        m.hbar.tail(S::n_i) += hq;
+      }
+    }
+  }
+}
+
+template <Scene scene, class S, class N, class Workspace>
+void add_bodies(const N& node, const Workspace& ws, SubsystemMatrices<typename S::Scalar>& m)
+{
+  using Scalar = typename S::Scalar;
+  const auto add = [&](const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
+                       const Vector3<Scalar>& omega, const Vector6<Scalar>& bias, const MatrixX<Scalar>& G) {
+    SpatialInertia<Scalar> inertia;
+    Vector6<Scalar> h;
+    place_bodies<true, scene.velocity>(body, R, r, omega, inertia, h);
+    const Matrix6<Scalar> A = inertia.dense();
+    m.Mbar += G.transpose() * A * G;
+    if constexpr (scene.velocity) { m.hbar += G.transpose() * (A * bias + h); }
+  };
+  const NodeState<S>& state = ws.template node<S>(node);
+  const Vector3<Scalar> zero = Vector3<Scalar>::Zero();
+  for (int k = 0; k < S::n_frames; ++k) {
+    const FrameState<Scalar>& f = ws.frame(node.frame + k);
+    add(ws.tree().frame_mass(node.frame + k), f.R, f.r, f.omega, f.bias, m.frame[static_cast<std::size_t>(k)]);
+  }
+  MatrixX<Scalar> inlet = MatrixX<Scalar>::Zero(6, 6 + S::n_i);
+  inlet.leftCols(6).setIdentity();
+  add(ws.tree().inlet_mass(node.index), state.R, zero, node.inlet < 0 ? zero : ws.frame(node.inlet).omega,
+      Vector6<Scalar>::Zero(), inlet);
+}
+
+}  // namespace detail
+
+/// Subsystem `i` of the tree at the state of the receipt `fd`. Allocates; not for the cycle.
+template <class Workspace>
+SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDynamics<Workspace>& fd, Index i)
+{
+  using Scalar = typename Workspace::Scalar;
+  const Workspace& ws = fd.workspace();
+  const auto& tree = ws.tree();
+  assert(0 <= i && i < tree.size() && "no such subsystem");
+  SubsystemMatrices<Scalar> m;
+  tree.visit(i, [&]<class N, class S>(const N& node, const S& s) {
+    constexpr int n_i = S::n_i;
+    const NodeState<S>& state = ws.template node<S>(node);
+    for (const auto& S_k : state.S_k) {
+      m.frame.emplace_back(6, 6 + n_i);
+      m.frame.back() << Matrix6<Scalar>::Identity(), S_k;
+    }
+    m.F.setZero(6 + n_i, n_i);
+    m.F.bottomRows(n_i).setIdentity();
+    m.Mbar.setZero(6 + n_i, 6 + n_i);
+    m.hbar.setZero(6 + n_i);
+    m.Bbar.setZero(6 + n_i, S::n_u);
+    m.Bbar.bottomRows(n_i) = ws.Bbar().segment(node.bbar, n_i * S::n_u).reshaped(n_i, S::n_u);
+    if (fd.scene().velocity) {
+      detail::add_bodies<Scene{}, S>(node, ws, m);
+      detail::add_rotors<Scene{}, S>(node, s, ws, m);
+    } else {
+      detail::add_bodies<Scene{.velocity = false}, S>(node, ws, m);
+      detail::add_rotors<Scene{.velocity = false}, S>(node, s, ws, m);
+    }
+    m.hbar.tail(n_i) -= ws.load().segment(node.v, n_i);
+    if (fd.scene().gravity) { m.hbar -= m.Mbar.leftCols(3) * tree.gravity(); }
+
+    m.T_ip.setZero(6 + n_i, 0);
+    m.T_ip_dot_V_p.setZero(6 + n_i);
+    if (node.inlet < 0) { return; }
+    tree.visit(node.parent, [&]<class M, class P>(const M& parent, const P&) {
+      Matrix6<Scalar> X = Matrix6<Scalar>::Identity();
+      X.template topRightCorner<3, 3>() = -skew(state.r);
+      m.T_ip.setZero(6 + n_i, 6 + P::n_i);
+      m.T_ip.template topLeftCorner<6, 6>() = X;
+      m.T_ip.topRightCorner(6, P::n_i) =
+          X * ws.template node<P>(parent).S_k[static_cast<std::size_t>(node.inlet - parent.frame)];
+      if (fd.scene().velocity) {
+        m.T_ip_dot_V_p.head(6) = X * ws.frame(node.inlet).bias;
+        m.T_ip_dot_V_p.head(3) += state.c;
+      }
+    });
+  });
+  return m;
+}
+
+}  // namespace iim
