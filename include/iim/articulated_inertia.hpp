@@ -176,14 +176,7 @@ template <bool offset, bool velocity, class Scalar>
     return;
   }
   Vector3<Scalar> mc = times(R, body.first_moment);
-  Symmetric3<Scalar> Theta;
-  for (int j = 0; j < 3; ++j) {
-    Vector3<Scalar> I_Rt;  // column j of I Rᵀ
-    for (int i = 0; i < 3; ++i) {
-      I_Rt(i) = body.inertia(i, 0) * R(j, 0) + body.inertia(i, 1) * R(j, 1) + body.inertia(i, 2) * R(j, 2);
-    }
-    for (int i = 0; i <= j; ++i) { Theta(i, j) = R(i, 0) * I_Rt(0) + R(i, 1) * I_Rt(1) + R(i, 2) * I_Rt(2); }
-  }
+  Symmetric3<Scalar> Theta = Symmetric3<Scalar>::turned(R, body.inertia);
   if constexpr (offset) {
     // From the frame's origin to the coupling point: with s = mc + ½ m r, Θ + 2 (r·s) 1 − r sᵀ − s rᵀ
     Vector3<Scalar> s;

@@ -174,13 +174,11 @@ private:
     if (!body.present) { return; }
     Vector3<Scalar> x = r;
     add(x, times(R, body.com));
-    Matrix3<Scalar> turned, Theta;
-    multiply(R, body.central_inertia, turned);
-    multiply(turned, Matrix3<Scalar>(R.transpose()), Theta);
+    const Symmetric3<Scalar> Theta = Symmetric3<Scalar>::turned(R, body.central_inertia);
     Composite<Scalar> central;
     central.mass = body.mass;
     central.first_moment.setZero();
-    central.inertia.at = {Theta(0, 0), Theta(0, 1), Theta(0, 2), Theta(1, 1), Theta(1, 2), Theta(2, 2)};
+    central.inertia = Theta;
     frame.carried.add_shifted(central, x);
     for (int i = 0; i < 3; ++i) { first_moment_(i) += body.mass * (frame.origin(i) + x(i)); }
 
@@ -188,8 +186,8 @@ private:
       const Vector3<Scalar>& w = frame.omega;
       const Vector6<Scalar> a = shift_twist(x, frame.a);
       const Vector3<Scalar> inward = cross(w, cross(w, x));
-      const Vector3<Scalar> gyroscopic = cross(w, times(Theta, w));
-      const Vector3<Scalar> growth = times(Theta, angular(a));
+      const Vector3<Scalar> gyroscopic = cross(w, Theta * w);
+      const Vector3<Scalar> growth = Theta * angular(a);
       Vector6<Scalar> wrench;
       for (int i = 0; i < 3; ++i) {
         wrench(i) = body.mass * (a(i) + inward(i));

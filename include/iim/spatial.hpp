@@ -133,6 +133,24 @@ struct Symmetric3 {
     m << at[0], at[1], at[2], at[1], at[3], at[4], at[2], at[4], at[5];
     return m;
   }
+
+  /// R I Rᵀ for symmetric I: an inertia given in a frame, in the axes that R turns to.
+  [[gnu::always_inline]] static Symmetric3 turned(const Matrix3<Scalar>& R, const Matrix3<Scalar>& I)
+  {
+    Symmetric3 turned;
+    for (int j = 0; j < 3; ++j) {
+      Vector3<Scalar> I_Rt;  // column j of I Rᵀ
+      for (int i = 0; i < 3; ++i) { I_Rt(i) = I(i, 0) * R(j, 0) + I(i, 1) * R(j, 1) + I(i, 2) * R(j, 2); }
+      for (int i = 0; i <= j; ++i) { turned(i, j) = R(i, 0) * I_Rt(0) + R(i, 1) * I_Rt(1) + R(i, 2) * I_Rt(2); }
+    }
+    return turned;
+  }
+
+  [[gnu::always_inline]] Vector3<Scalar> operator*(const Vector3<Scalar>& a) const
+  {
+    return {at[0] * a(0) + at[1] * a(1) + at[2] * a(2), at[1] * a(0) + at[3] * a(1) + at[4] * a(2),
+            at[2] * a(0) + at[4] * a(1) + at[5] * a(2)};
+  }
 };
 
 /// Symmetric 6×6 map from accelerations to wrenches, [ M H ; Hᵀ J ], about one point; 21 numbers.
