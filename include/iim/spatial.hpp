@@ -210,27 +210,20 @@ struct SpatialInertia {
   }
 
   /// The force rows of A·a for a purely linear (angular) a, and the moment rows.
-  [[gnu::always_inline]] Vector3<Scalar> force_of_linear(const Vector3<Scalar>& a) const { return product(M, a); }
+  [[gnu::always_inline]] Vector3<Scalar> force_of_linear(const Vector3<Scalar>& a) const { return M * a; }
   [[gnu::always_inline]] Vector3<Scalar> force_of_angular(const Vector3<Scalar>& a) const { return detail::times(H, a); }
   [[gnu::always_inline]] Vector3<Scalar> moment_of_linear(const Vector3<Scalar>& a) const
   {
     return Vector3<Scalar>(H(0, 0) * a(0) + H(1, 0) * a(1) + H(2, 0) * a(2), H(0, 1) * a(0) + H(1, 1) * a(1) + H(2, 1) * a(2),
                            H(0, 2) * a(0) + H(1, 2) * a(1) + H(2, 2) * a(2));
   }
-  [[gnu::always_inline]] Vector3<Scalar> moment_of_angular(const Vector3<Scalar>& a) const { return product(J, a); }
+  [[gnu::always_inline]] Vector3<Scalar> moment_of_angular(const Vector3<Scalar>& a) const { return J * a; }
 
   Matrix6<Scalar> dense() const
   {
     Matrix6<Scalar> A;
     A << M.dense(), H, H.transpose(), J.dense();
     return A;
-  }
-
-private:
-  [[gnu::always_inline]] static Vector3<Scalar> product(const Symmetric3<Scalar>& A, const Vector3<Scalar>& a)
-  {
-    return Vector3<Scalar>(A(0, 0) * a(0) + A(0, 1) * a(1) + A(0, 2) * a(2), A(0, 1) * a(0) + A(1, 1) * a(1) + A(1, 2) * a(2),
-                           A(0, 2) * a(0) + A(1, 2) * a(1) + A(2, 2) * a(2));
   }
 };
 
