@@ -191,7 +191,7 @@ private:
         Eigen::Matrix<Scalar, n_i, n_i> D;
         Eigen::Matrix<Scalar, n_i, 1> h;
         for (int d = 0; d < n_i; ++d) {
-          h(d) = -load(ws)(node.v + d);
+          h(d) = -ws.load()(node.v + d);
           for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
           for (int c = 0; c < 6; ++c) { F(c, d) = Scalar(0); }
         }
@@ -212,6 +212,7 @@ private:
           for (int e = 0; e < d; ++e) { D(e, d) = D(d, e); }
         }
         if constexpr (rotor_count<S>() > 0) { add_rotors(ws, node, s, state, F, D, h, I, f); }
+        if constexpr (scene.implicit) { for (const auto& spring : state.springs) { add_spring(spring, D); } }
         for (int d = 0; d < n_i; ++d) {
           h_(node.v + d) = h(d);
           for (int c = 0; c < 6; ++c) { F_[at(node.v + d)](c) = F(c, d); }
@@ -263,13 +264,6 @@ private:
       }
       if constexpr (scene.velocity) { add_gyroscopic(spun, rotor, state, f, h); }
     }
-  }
-
-  /// Generalised forces on the velocities: −(internal forces). Read only.
-  template <class Workspace>
-  static const VectorX<Scalar>& load(const Workspace& ws)
-  {
-    return const_cast<Workspace&>(ws).load();
   }
 
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }

@@ -47,6 +47,9 @@ public:
   /// State-dependent acceleration q̈₀ = −M⁻¹h, n_v [rad/s², m/s²]. Not to be used unless status() is ok.
   const VectorX<Scalar>& qdd0() const { return workspace_->qdd(); }
 
+  /// Length of the implicit step [s]; 0 for the accelerations of this instant.
+  const Scalar& step() const { return step_; }
+
   /// What the pass left out; a method that computes velocity or gravity terms of its own must leave out the same.
   Scene scene() const { return scene_; }
 
@@ -56,8 +59,8 @@ public:
   Index subsystem() const { return subsystem_; }
 
 private:
-  ForwardDynamics(const Workspace& workspace, Scene scene, Status status, Index subsystem)
-      : workspace_(&workspace), scene_(scene), status_(status), subsystem_(subsystem)
+  ForwardDynamics(const Workspace& workspace, Scene scene, const Scalar& step, Status status, Index subsystem)
+      : workspace_(&workspace), scene_(scene), step_(step), status_(status), subsystem_(subsystem)
   {
   }
   template <Scene scene, class W>
@@ -65,6 +68,7 @@ private:
 
   const Workspace* workspace_;
   Scene scene_;
+  Scalar step_;
   Status status_;
   Index subsystem_;
 };
@@ -86,12 +90,16 @@ public:
   using Tree = typename Workspace::Tree;
   using Scalar = typename Workspace::Scalar;
 
-  explicit ForwardPass(Workspace& ws) : tree_(ws.tree()), ws_(ws) { ws_.load().setZero(); }
+  explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : tree_(ws.tree()), ws_(ws), step_(step)
+  {
+    ws_.load().setZero();
+    if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
+  }
 
   template <class Q, class V>
   void kinematics(const Q& q, const V& qd)
   {
-    detail::kinematics<scene>(q, qd, ws_, diagnosis_);
+    detail::kinematics<scene>(q, qd, ws_, diagnosis_, step_);
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
@@ -159,7 +167,7 @@ public:
     }
   }
 
-  ForwardDynamics<Workspace> receipt() const { return {ws_, scene, diagnosis_.status, diagnosis_.subsystem}; }
+  ForwardDynamics<Workspace> receipt() const { return {ws_, scene, step_, diagnosis_.status, diagnosis_.subsystem}; }
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 private:
@@ -174,8 +182,47 @@ private:
 
   const Tree& tree_;
   Workspace& ws_;
+  Scalar step_;
   Diagnosis diagnosis_;
 };
+
+}  // namespace detail
+
+namespace detail {
+
+template <Scene scene, class Workspace, class Q, class V>
+ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
+{
+  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
+  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
+  ForwardPass<scene, Workspace> pass(workspace, step);
+  pass.kinematics(q, qd);
+  pass.inertia();
+  pass.accelerations();
+  return pass.receipt();
+}
+
+template <Scene scene, class Workspace, class Q, class V, class InputsType, class U>
+Acceleration<typename Workspace::Scalar> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step,
+                                                  const InputsType& inputs, const U& u, Workspace& workspace)
+{
+  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
+  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
+  assert(u.size() == inputs.columns() && "u must have one entry per active column");
+  ForwardPass<scene, Workspace> pass(workspace, step);
+  pass.kinematics(q, qd);
+  pass.apply(inputs, u);
+  pass.inertia();
+  pass.accelerations();
+  return pass.acceleration();
+}
+
+/// The same scene with springs at the end of the step.
+constexpr Scene implicit(Scene scene)
+{
+  scene.implicit = true;
+  return scene;
+}
 
 }  // namespace detail
 
@@ -186,13 +233,8 @@ template <Scene scene = Scene{}, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> forward_dynamics(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                             Workspace& workspace)
 {
-  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
-  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
-  detail::ForwardPass<scene, Workspace> pass(workspace);
-  pass.kinematics(q.derived(), qd.derived());
-  pass.inertia();
-  pass.accelerations();
-  return pass.receipt();
+  static_assert(!scene.implicit, "implicit_step(q, qd, step, workspace) says how long the step is");
+  return detail::run_pass<scene>(q.derived(), qd.derived(), typename Workspace::Scalar(0), workspace);
 }
 
 /// q̈ of the tree at the state (q, q̇) under the inputs u (as many as inputs.columns(), asserted). O(n).
@@ -201,15 +243,32 @@ Acceleration<typename Workspace::Scalar> forward_dynamics(const Eigen::MatrixBas
                                                           const InputsType& inputs, const Eigen::MatrixBase<U>& u,
                                                           Workspace& workspace)
 {
-  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
-  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
-  assert(u.size() == inputs.columns() && "u must have one entry per active column");
-  detail::ForwardPass<scene, Workspace> pass(workspace);
-  pass.kinematics(q.derived(), qd.derived());
-  pass.apply(inputs, u.derived());
-  pass.inertia();
-  pass.accelerations();
-  return pass.acceleration();
+  static_assert(!scene.implicit, "implicit_step(q, qd, step, inputs, u, workspace) says how long the step is");
+  return detail::run_pass<scene>(q.derived(), qd.derived(), typename Workspace::Scalar(0), inputs, u.derived(), workspace);
+}
+
+/// Mean accelerations over a step of length h > 0 [s], with the springs and dampers of the subsystems (`springs`) at its
+/// end and all else as it is now: the linearly implicit Euler step
+///
+///     (M + h C + h² K) q̈₀ = −h̄(q, q̇) − h K q̇,      q̇⁺ = q̇ + h (q̈₀ + B̂u),      q⁺ = q + h q̇⁺,
+///
+/// stable whatever the stiffness. h C + h² K lies in the blocks M̄_R of (17), so the same pass serves, and every method
+/// that is applied to the receipt returns B̂ = (M + h C + h² K)⁻¹ B: h B̂u is what the inputs add to the velocities in the
+/// step. First order in h. As forward_dynamics otherwise; a step that is negative or not finite is Status::invalid_state.
+template <Scene scene = Scene{}, class Workspace, class Q, class V>
+ForwardDynamics<Workspace> implicit_step(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                                         const typename Workspace::Scalar& step, Workspace& workspace)
+{
+  return detail::run_pass<detail::implicit(scene)>(q.derived(), qd.derived(), step, workspace);
+}
+
+/// The same under the inputs u.
+template <Scene scene = Scene{}, class Workspace, class Q, class V, class InputsType, class U>
+Acceleration<typename Workspace::Scalar> implicit_step(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                                                       const typename Workspace::Scalar& step, const InputsType& inputs,
+                                                       const Eigen::MatrixBase<U>& u, Workspace& workspace)
+{
+  return detail::run_pass<detail::implicit(scene)>(q.derived(), qd.derived(), step, inputs, u.derived(), workspace);
 }
 
 }  // namespace iim

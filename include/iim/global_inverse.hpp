@@ -49,11 +49,13 @@ public:
   template <class Workspace>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
   {
+    assert(fd.scene() == scene && "a GlobalInverse's Scene is that of the pass");
     return compute(fd.workspace(), fd.status(), fd.subsystem());
   }
 
   /// The same without the O(n) pass; overwrites the workspace.
   template <class Q, class V, class Workspace>
+    requires(!scene.implicit)
   AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace)
   {
     assert(q.size() == tree_->n_q() && "q must have n_q entries");

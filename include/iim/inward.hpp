@@ -76,6 +76,15 @@ template <class S, class RotorType>
   }
 }
 
+/// D += ratioᵀ inertia ratio.
+template <class Scalar, int n_i>
+[[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring, Eigen::Matrix<Scalar, n_i, n_i>& D)
+{
+  for (int d = 0; d < n_i; ++d) {
+    for (int e = 0; e < n_i; ++e) { D(e, d) += spring.ratio(e) * spring.inertia * spring.ratio(d); }
+  }
+}
+
 /// p += A (a; 0).
 template <class Scalar>
 [[gnu::always_inline]] inline void add_wrench_of_linear(const SpatialInertia<Scalar>& A, const Vector3<Scalar>& a,
@@ -199,6 +208,13 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     }
   }
 
+  if constexpr (scene.implicit) {
+    for (const auto& spring : state.springs) {
+      add_spring(spring, D);
+      for (int d = 0; d < n_i; ++d) { scale(d) += spring.inertia * spring.ratio(d) * spring.ratio(d); }
+    }
+  }
+
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
@@ -246,6 +262,16 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     }
     add_square(rotor.J, z, A);
   }
+  if constexpr (scene.implicit && Workspace::update == Update::projected) {
+    for (const auto& spring : state.springs) {
+      Vector6<Scalar> z;
+      for (int j = 0; j < 6; ++j) {
+        z(j) = spring.ratio(0) * W(0, j);
+        for (int d = 1; d < n_i; ++d) { z(j) += spring.ratio(d) * W(d, j); }
+      }
+      add_square(spring.inertia, z, A);
+    }
+  }
   if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
 
   add_inlet_bodies<scene>(node, state, ws, A, hg);
@@ -265,7 +291,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
 {
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  constexpr int most = 12 + 6 * S::n_frames + rotor_count<S>();
+  constexpr int most = 12 + 6 * S::n_frames + rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
   std::array<RootRow<Scalar>, most> stack;
   int size = 0;
   const auto push = [&](const RootRow<Scalar>& row) {
@@ -293,7 +319,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   constexpr MotionPattern pattern = S::pattern;
   constexpr int n_i = S::n_i;
   constexpr int n_rotors = rotor_count<S>();
-  constexpr int most = 6 * S::n_frames + n_rotors;
+  constexpr int most = 6 * S::n_frames + n_rotors + (scene.implicit ? spring_count<S>() : 0);
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   NodeState<S>& state = ws.template node<S>(node);
 
@@ -341,6 +367,17 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
         scale(d) += abs(v[at](d));
       }
       if constexpr (scene.velocity) { add_gyroscopic(spun, rotors[k], state, hg, hq); }
+    }
+  }
+  if constexpr (scene.implicit) {
+    for (const auto& spring : state.springs) {
+      const auto at = static_cast<std::size_t>(count++);
+      rows[at].setZero();
+      const Scalar root = sqrt(spring.inertia);
+      for (int d = 0; d < n_i; ++d) {
+        v[at](d) = root * spring.ratio(d);
+        scale(d) += abs(v[at](d));
+      }
     }
   }
 

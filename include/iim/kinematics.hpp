@@ -16,6 +16,7 @@ namespace iim {
 struct Scene {
   bool velocity = true;  ///< false: q̇ = 0, and the argument is not read
   bool gravity = true;   ///< false: free fall
+  bool implicit = false;  ///< true: springs and dampers at the end of a step, `implicit_step`
 
   bool operator==(const Scene&) const = default;
 };
@@ -65,9 +66,27 @@ constexpr bool has_bias(int rows)
   return scene.velocity && (S::pattern.bias || (rows == 0 ? S::pattern.linear : S::pattern.angular));
 }
 
+/// Springs at the end of a step h: f(q + h q̇ + h² q̈, q̇ + h q̈) = f + h K q̇ + (h C + h² K) q̈ to first order.
+template <class Springs, class S, class Load>
+void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::Scalar& step, NodeState<S>& state, Load load)
+{
+  using Scalar = typename S::Scalar;
+  for (std::size_t k = 0; k < springs.size(); ++k) {
+    const auto& spring = springs[k];
+    const Scalar h_stiffness = step * spring.stiffness;
+    Scalar rate(0);
+    for (int d = 0; d < S::n_i; ++d) { rate += spring.ratio(d) * qd(d); }
+    for (int d = 0; d < S::n_i; ++d) { load(d) -= spring.ratio(d) * (h_stiffness * rate); }
+    state.springs[k].ratio = spring.ratio;
+    state.springs[k].inertia = step * (spring.damping + h_stiffness);
+  }
+}
+
 /// From the base outward: orientations, Jacobians, velocity terms, and the bodies in world axes.
+/// step: of an implicit step [s].
 template <Scene scene, class Workspace, class Q, class V>
-void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis)
+void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
+                [[maybe_unused]] const typename Workspace::Scalar& step = typename Workspace::Scalar(0))
 {
   using Scalar = typename Workspace::Scalar;
   const auto& tree = ws.tree();
@@ -141,6 +160,9 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis)
     }
     if constexpr (has_internal_force<S>()) {
       ws.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);
+    }
+    if constexpr (scene.implicit && spring_count<S>() > 0) {
+      stretch(s.springs(q_i, qd_i), qd_i, step, state, ws.load().template segment<S::n_i>(node.v));
     }
   });
 }

@@ -57,6 +57,15 @@ struct Rotor {
   bool coupled = true;                   ///< false: armature, inertia·ratioᵀratio on M̄_i's q̇ block and nothing else
 };
 
+/// Springs and dampers with one elongation, which grows at the rate ratio·q̇_i: what `internal_force` does to first order,
+/// ∂/∂q → ratioᵀ·stiffness·ratio and ∂/∂q̇ = ratioᵀ·damping·ratio. Both not negative.
+template <class Scalar, int n_i>
+struct Spring {
+  Eigen::Matrix<Scalar, 1, n_i> ratio;
+  Scalar stiffness{0};  ///< [N m/rad, N/m]
+  Scalar damping{0};    ///< [N m s/rad, N s/m]
+};
+
 /// Requirements on a subsystem. Sizes are compile-time constants, functions are const and do not allocate.
 template <class T>
 concept Subsystem = requires(const T s, T mutable_s, const Matrix3<typename T::Scalar> R,
@@ -110,6 +119,18 @@ template <class S>
 constexpr bool has_internal_force()
 {
   return requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
+}
+
+/// `springs(q, qd)`: std::array of Spring, the stiff part of internal_force, which implicit_step takes at the step's end.
+/// Internal forces without it stay explicit.
+template <class S>
+constexpr int spring_count()
+{
+  if constexpr (requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); }) {
+    return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().springs(
+        std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
+  }
+  return 0;
 }
 
 }  // namespace detail

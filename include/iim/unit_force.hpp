@@ -35,6 +35,7 @@ public:
   template <class Q, class V>
   AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd)
   {
+    static_assert(!scene.implicit, "of an implicit step, give the receipt too: it says how long the step is");
     return columns(forward_dynamics<scene>(q, qd, workspace_), q, qd);
   }
 
@@ -43,6 +44,7 @@ public:
   AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd, const Eigen::MatrixBase<Q>& q,
                                     const Eigen::MatrixBase<V>& qd)
   {
+    assert(fd.scene() == scene && "a UnitForcePublished's Scene is that of the pass");
     return columns(fd, q, qd);
   }
 
@@ -57,7 +59,7 @@ private:
     auto Bhat = result_.Bhat(m);
     for (Index i = 0; i < m; ++i) {
       unit_(i) = Scalar(1);
-      const auto with = forward_dynamics<scene>(q, qd, *inputs_, unit_.head(m), workspace_);
+      const auto with = detail::run_pass<scene>(q.derived(), qd.derived(), Scalar(fd.step()), *inputs_, unit_.head(m), workspace_);
       unit_(i) = Scalar(0);
       if (with.status != Status::ok) { return result_.result(m, with.status, with.subsystem); }
       Bhat.col(i) = with.qdd - result_.qdd0();

@@ -31,6 +31,13 @@ struct FrameState {
   Vector6<Scalar> Vdot;         ///< acceleration
 };
 
+/// What a spring adds to M̄_i in an implicit step h: ratioᵀ (h·damping + h²·stiffness) ratio.
+template <class Scalar, int n_i>
+struct SpringInertia {
+  Eigen::Matrix<Scalar, 1, n_i> ratio;
+  Scalar inertia;
+};
+
 /// What one subsystem keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
 template <class S>
 struct NodeState {
@@ -48,6 +55,8 @@ struct NodeState {
   Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0)
   Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
   Eigen::Matrix<Scalar, n_i, 1> psi;                 ///< M̄_R⁻¹ (F_iᵀ h̄*)
+  [[no_unique_address]] std::array<SpringInertia<Scalar, n_i>, static_cast<std::size_t>(detail::spring_count<S>())>
+      springs;                                       ///< of an implicit step
 };
 
 /// Intermediates of the O(n) pass over one tree. Construction allocates; nothing after it does.

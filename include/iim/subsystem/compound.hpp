@@ -28,7 +28,7 @@ concept Mechanism =
       // Throws ModelError naming `owner` if the parameters are wrong.
       mutable_m.prepare(owner);
       // Optional: `n_u` and `Bbar(q)`, else the inputs are the generalised forces on q̇_i; `rotors()`;
-      // `internal_force(q, qd)`, `potential(q)`, `dissipation(q, qd)`; `own_bodies()`, a std::array of CarriedBody
+      // `internal_force(q, qd)`, `springs(q, qd)`, `potential(q)`, `dissipation(q, qd)`; `own_bodies()`, a std::array of CarriedBody
       // beside those of the compound.
     };
 
@@ -113,6 +113,12 @@ struct Compound {
     requires requires(const M m, Coordinates x) { m.internal_force(x, x); }
   {
     return mechanism.internal_force(q, qd);
+  }
+
+  auto springs(const Coordinates& q, const Coordinates& qd) const
+    requires requires(const M m, Coordinates x) { m.springs(x, x); }
+  {
+    return mechanism.springs(q, qd);
   }
 
   Scalar potential(const Coordinates& q) const

@@ -79,6 +79,11 @@ struct ElasticMotorArmOn {
     return Vector2(-torque / motor.gear_ratio, torque);
   }
 
+  std::array<Spring<Scalar, 2>, 1> springs(const Vector2&, const Vector2&) const
+  {
+    return {{{Eigen::Matrix<Scalar, 1, 2>(Scalar(-1) / motor.gear_ratio, Scalar(1)), stiffness, damping}}};
+  }
+
   /// Energy in the spring [J].
   Scalar potential(const Vector2& q) const
   {

@@ -114,6 +114,15 @@ struct FlexibleLink {
   {
     return stiffness().cwiseProduct(q + damping * qd);
   }
+  std::array<Spring<Scalar, n_i>, n_i> springs(const Coordinates&, const Coordinates&) const
+  {
+    const Coordinates k = stiffness();
+    std::array<Spring<Scalar, n_i>, n_i> springs;
+    for (int d = 0; d < n_i; ++d) {
+      springs[static_cast<std::size_t>(d)] = {Eigen::Matrix<Scalar, 1, n_i>::Unit(d), k(d), damping * k(d)};
+    }
+    return springs;
+  }
   Scalar potential(const Coordinates& q) const { return q.dot(stiffness().cwiseProduct(q)) / Scalar(2); }
   Scalar dissipation(const Coordinates&, const Coordinates& qd) const
   {
