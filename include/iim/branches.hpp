@@ -21,8 +21,13 @@ namespace iim::detail {
 template <class Scalar>
 inline constexpr int lane_count = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
 
+/// What holds them; a Scalar with registers of its own has its own (lanes.hpp).
 template <class Scalar>
-using Lanes = Eigen::Array<Scalar, lane_count<Scalar>, 1>;
+struct LanesOf {
+  using Type = Eigen::Array<Scalar, lane_count<Scalar>, 1>;
+};
+template <class Scalar>
+using Lanes = typename LanesOf<Scalar>::Type;
 
 template <class Scalar>
 Index padded(Index size)
@@ -33,14 +38,22 @@ Index padded(Index size)
 template <class Scalar>
 [[gnu::always_inline]] inline Lanes<Scalar> load(const Scalar* from)
 {
-  return Eigen::Map<const Lanes<Scalar>>(from);
+  if constexpr (requires { Lanes<Scalar>::load(from); }) {
+    return Lanes<Scalar>::load(from);
+  } else {
+    return Eigen::Map<const Lanes<Scalar>>(from);
+  }
 }
 
 template <class Scalar>
 [[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x)
 {
-  Eigen::Map<Lanes<Scalar>> target(to);
-  target = x;
+  if constexpr (requires { x.store(to); }) {
+    x.store(to);
+  } else {
+    Eigen::Map<Lanes<Scalar>> target(to);
+    target = x;
+  }
 }
 
 /// The first `count` lanes only, in runs of halving length.

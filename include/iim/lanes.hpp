@@ -1,0 +1,398 @@
+// Several states at once: a Scalar whose lanes are the same number of several states.
+//
+// The text of the recursions runs unchanged; each of its operations is one vector instruction. What such a Scalar must
+// not do is to decide: a branch is taken by all lanes together. Its answers are therefore these.
+//
+//     a == b, a < b, …        true if in every lane, false otherwise. If it holds in some lanes and not in others, no
+//                             answer suits all of them: the thread's `LaneVote` is marked as divided. What is computed
+//                             from there on is wrong in some lanes, and its owner has to throw it away (SeveralStates
+//                             does, and computes the states of such a pack one by one).
+//     a != b                  !(a == b), divided in the same cases.
+//     ScalarTraits            is_positive, is_finite: true if in every lane; no mark, because their false is an error
+//                             status that makes SeveralStates look at each state by itself.
+//
+// A comparison that all lanes answer alike costs no accuracy and no mark, so a subsystem with branches of its own is
+// right in every lane, fast where its branches agree, slow where they do not, and never silently wrong.
+#pragma once
+
+#include <iim/branches.hpp>
+#include <iim/scalar.hpp>
+
+#include <Eigen/Core>
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+#include <ostream>
+#include <type_traits>
+
+#if defined(__AVX__) || defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+namespace iim {
+
+/// Whether a comparison of this thread was true in some lanes and false in others since the last `reset`.
+class LaneVote {
+public:
+  static bool divided() { return divided_; }
+  static void reset() { divided_ = false; }
+  static void divide() { divided_ = true; }
+
+private:
+  static inline thread_local constinit bool divided_ = false;
+};
+
+namespace detail {
+
+#if defined(__AVX512F__)
+inline constexpr int register_bytes = 64;
+#elif defined(__AVX__)
+inline constexpr int register_bytes = 32;
+#else
+inline constexpr int register_bytes = 16;
+#endif
+
+/// A vector register as g++ and clang know it; what std::experimental::simd consists of. Used directly, products and
+/// sums of it are contracted by clang too (which does so only where the two operators are told to), and 1 s of compile
+/// time for <experimental/simd> is saved.
+template <class T, int N>
+struct VectorOf {
+  using Type [[gnu::vector_size(sizeof(T) * N)]] = T;
+};
+
+template <class T>
+struct BitsOf;
+template <>
+struct BitsOf<double> {
+  using Type = std::uint64_t;
+  static constexpr Type sign = 0x8000000000000000u, exponent = 0x7ff0000000000000u, one = 0x0010000000000000u;
+  static constexpr double round = 0x1.8p52;  ///< added and subtracted: rounds to an integer, which is in the last bits
+  static constexpr std::array<double, 4> half_pi{0x1.921fb544p+0, 0x1.0b4611a6p-34, 0x1.3198a2e037073p-69, 0};
+  static constexpr double largest_angle = 1e6;  ///< multiples of the leading parts of π/2 are exact up to here
+  static constexpr int terms = 8;
+};
+template <>
+struct BitsOf<float> {
+  using Type = std::uint32_t;
+  static constexpr Type sign = 0x80000000u, exponent = 0x7f800000u, one = 0x00800000u;
+  static constexpr float round = 0x1.8p23f;
+  static constexpr std::array<float, 4> half_pi{0x1.92p+0f, 0x1.fb4p-12f, 0x1.444p-24f, 0x1.68c234p-39f};
+  static constexpr float largest_angle = 1e4f;
+  static constexpr int terms = 5;
+};
+
+}  // namespace detail
+
+/// N numbers, one of each of N states. T: double or float. N: by default what a vector register holds.
+template <class T, int N = detail::register_bytes / static_cast<int>(sizeof(T))>
+class Lanes {
+  static_assert(std::is_same_v<T, double> || std::is_same_v<T, float>);
+  static_assert(N > 0 && (N & (N - 1)) == 0 && N * static_cast<int>(sizeof(T)) <= detail::register_bytes,
+                "Lanes: a power of two that fits into one vector register");
+  using BitTraits = detail::BitsOf<T>;
+  using Word = typename BitTraits::Type;
+  using Vector = typename detail::VectorOf<T, N>::Type;
+  using Words = typename detail::VectorOf<Word, N>::Type;
+
+public:
+  using value_type = T;
+  static constexpr int size = N;
+
+  Lanes() = default;
+
+  /// The same number in all lanes.
+  template <class Number>
+    requires std::is_arithmetic_v<Number>
+  [[gnu::always_inline]] Lanes(Number x) : v_(static_cast<T>(x) - Vector{})  // − 0 leaves any x as it is
+  {
+  }
+
+  [[gnu::always_inline]] T operator[](int lane) const { return v_[lane]; }
+  [[gnu::always_inline]] void set(int lane, T x) { v_[lane] = x; }
+
+  /// The number that all lanes hold (constants of a tree); NaN if they differ.
+  explicit operator double() const
+  {
+    for (int k = 1; k < N; ++k) {
+      if (!(v_[k] == v_[0])) { return std::numeric_limits<double>::quiet_NaN(); }
+    }
+    return static_cast<double>(v_[0]);
+  }
+
+  // clang contracts over function boundaries only where it is told to.
+#ifdef __clang__
+#define IIM_CONTRACT _Pragma("clang fp contract(fast)")
+#else
+#define IIM_CONTRACT
+#endif
+  [[gnu::always_inline]] friend inline Lanes operator+(const Lanes& a, const Lanes& b) { IIM_CONTRACT return of(a.v_ + b.v_); }
+  [[gnu::always_inline]] friend inline Lanes operator-(const Lanes& a, const Lanes& b) { IIM_CONTRACT return of(a.v_ - b.v_); }
+  [[gnu::always_inline]] friend inline Lanes operator*(const Lanes& a, const Lanes& b) { IIM_CONTRACT return of(a.v_ * b.v_); }
+  [[gnu::always_inline]] friend inline Lanes operator/(const Lanes& a, const Lanes& b) { return of(a.v_ / b.v_); }
+  [[gnu::always_inline]] friend inline Lanes operator-(const Lanes& a) { IIM_CONTRACT return of(-a.v_); }
+#undef IIM_CONTRACT
+  [[gnu::always_inline]] friend inline Lanes operator+(const Lanes& a) { return a; }
+  [[gnu::always_inline]] Lanes& operator+=(const Lanes& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Lanes& operator-=(const Lanes& b) { return *this = *this - b; }
+  [[gnu::always_inline]] Lanes& operator*=(const Lanes& b) { return *this = *this * b; }
+  [[gnu::always_inline]] Lanes& operator/=(const Lanes& b) { return *this = *this / b; }
+
+  // In every lane; LaneVote where lanes differ.
+  friend bool operator==(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] == b[k]; }); }
+  friend bool operator<(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] < b[k]; }); }
+  friend bool operator<=(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] <= b[k]; }); }
+  friend bool operator>(const Lanes& a, const Lanes& b) { return b < a; }
+  friend bool operator>=(const Lanes& a, const Lanes& b) { return b <= a; }
+
+  [[gnu::always_inline]] friend inline Lanes sqrt(const Lanes& a)
+  {
+    Lanes root;
+    Eigen::Map<Row>(root.data()) = Eigen::Map<const Row>(a.data()).sqrt();  // one instruction, no errno
+    return root;
+  }
+  friend Lanes abs(const Lanes& a) { return each([&](int k) { return std::abs(a[k]); }); }
+  friend Lanes fabs(const Lanes& a) { return abs(a); }
+
+  friend inline Lanes sin(const Lanes& a) { return sine(a, 0); }
+  friend inline Lanes cos(const Lanes& a) { return sine(a, 1); }
+
+  // Lane by lane, for subsystems that need them.
+  friend Lanes tan(const Lanes& a) { return each([&](int k) { return std::tan(a[k]); }); }
+  friend Lanes asin(const Lanes& a) { return each([&](int k) { return std::asin(a[k]); }); }
+  friend Lanes acos(const Lanes& a) { return each([&](int k) { return std::acos(a[k]); }); }
+  friend Lanes atan(const Lanes& a) { return each([&](int k) { return std::atan(a[k]); }); }
+  friend Lanes atan2(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::atan2(a[k], b[k]); }); }
+  friend Lanes exp(const Lanes& a) { return each([&](int k) { return std::exp(a[k]); }); }
+  friend Lanes log(const Lanes& a) { return each([&](int k) { return std::log(a[k]); }); }
+  friend Lanes tanh(const Lanes& a) { return each([&](int k) { return std::tanh(a[k]); }); }
+  friend Lanes hypot(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::hypot(a[k], b[k]); }); }
+  friend Lanes pow(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::pow(a[k], b[k]); }); }
+  friend Lanes max(const Lanes& a, const Lanes& b) { return each([&](int k) { return a[k] < b[k] ? b[k] : a[k]; }); }
+  friend Lanes min(const Lanes& a, const Lanes& b) { return each([&](int k) { return b[k] < a[k] ? b[k] : a[k]; }); }
+
+  friend bool isfinite(const Lanes& a) { return a.is_finite(); }
+  friend std::ostream& operator<<(std::ostream& out, const Lanes& a)
+  {
+    for (int k = 0; k < N; ++k) { out << (k == 0 ? "[" : " ") << a[k]; }
+    return out << "]";
+  }
+
+  /// In every lane; without a mark. Answered by bits, so that -ffast-math cannot optimise them away.
+  [[gnu::always_inline]] bool is_finite() const
+  {
+    const Words bits = words(*this);
+    return !any_sign((bits & BitTraits::exponent) + BitTraits::one);
+  }
+  [[gnu::always_inline]] bool is_positive() const
+  {
+    const Words bits = words(*this);
+    return !any_sign(bits | (bits - 1) | ((bits & BitTraits::exponent) + BitTraits::one));
+  }
+  /// Found by detail::all_finite: whether `count` Lanes in a row are finite.
+  friend bool all_finite(const Lanes* x, Eigen::Index count)
+  {
+    Words carried = words(Lanes(0));
+    for (Eigen::Index k = 0; k < count; ++k) { carried |= (words(x[k]) & BitTraits::exponent) + BitTraits::one; }
+    return !any_sign(carried);
+  }
+
+  T* data() { return reinterpret_cast<T*>(&v_); }
+  const T* data() const { return reinterpret_cast<const T*>(&v_); }
+
+private:
+  using Row = Eigen::Array<T, N, 1>;
+
+  [[gnu::always_inline]] static Lanes of(const Vector& v)
+  {
+    Lanes lanes;
+    lanes.v_ = v;
+    return lanes;
+  }
+  template <class F>
+  [[gnu::always_inline]] static Lanes each(F&& f)
+  {
+    Lanes result;
+    for (int k = 0; k < N; ++k) { result.v_[k] = f(k); }
+    return result;
+  }
+  template <class F>
+  [[gnu::always_inline]] static bool vote(F&& f)
+  {
+    int yes = 0;
+    for (int k = 0; k < N; ++k) { yes += f(k); }
+    if (yes != 0 && yes != N) { LaneVote::divide(); }
+    return yes == N;
+  }
+
+  [[gnu::always_inline]] static Words words(const Lanes& a) { return std::bit_cast<Words>(a.v_); }
+  [[gnu::always_inline]] static Lanes numbers(const Words& bits) { return of(std::bit_cast<Vector>(bits)); }
+
+  /// Whether the uppermost bit of any lane is set.
+  [[gnu::always_inline]] static bool any_sign(const Words& w)
+  {
+#if defined(__AVX512DQ__)
+    if constexpr (sizeof(Words) == 64 && sizeof(T) == 8) { return _mm512_movepi64_mask(std::bit_cast<__m512i>(w)) != 0; }
+    if constexpr (sizeof(Words) == 64 && sizeof(T) == 4) { return _mm512_movepi32_mask(std::bit_cast<__m512i>(w)) != 0; }
+#endif
+#if defined(__AVX__)
+    if constexpr (sizeof(Words) == 32 && sizeof(T) == 8) { return _mm256_movemask_pd(std::bit_cast<__m256d>(w)) != 0; }
+    if constexpr (sizeof(Words) == 32 && sizeof(T) == 4) { return _mm256_movemask_ps(std::bit_cast<__m256>(w)) != 0; }
+#endif
+#if defined(__SSE2__)
+    if constexpr (sizeof(Words) == 16 && sizeof(T) == 8) { return _mm_movemask_pd(std::bit_cast<__m128d>(w)) != 0; }
+    if constexpr (sizeof(Words) == 16 && sizeof(T) == 4) { return _mm_movemask_ps(std::bit_cast<__m128>(w)) != 0; }
+#endif
+    Word any = 0;
+    for (int k = 0; k < N; ++k) { any |= w[k]; }
+    return (any & BitTraits::sign) != 0;
+  }
+
+  /// sin(angle + quarter_turns·π/2) to 1 ulp: Cody and Waite's reduction to |r| ≤ π/4 and the Taylor series, whose first
+  /// neglected term is below ε/100. Both series are needed, each in some lanes; sin and cos of one angle share them.
+  [[gnu::always_inline]] static inline Lanes sine(const Lanes& angle, int quarter_turns)
+  {
+#ifndef __FAST_MATH__  // which would put the parts of π/2 together again
+    const Words magnitude = words(angle) & ~words(Lanes(T(-0.0)));
+    if (!any_sign(words(Lanes(BitTraits::largest_angle)) - magnitude)) {
+      const Lanes shifted = angle * Lanes(T(2 / std::numbers::pi)) + Lanes(BitTraits::round);
+      const Words quarter = words(shifted) + static_cast<Word>(quarter_turns);
+      const Lanes k = shifted - Lanes(BitTraits::round);
+      Lanes r = angle;
+      for (const T part : BitTraits::half_pi) {
+        if (part != 0) { r -= k * Lanes(part); }
+      }
+      const Lanes r2 = r * r;
+      Lanes s = Lanes(inverse_factorial(2 * BitTraits::terms + 1));
+      Lanes c = Lanes(inverse_factorial(2 * BitTraits::terms));
+      for (int n = BitTraits::terms - 1; n > 0; --n) {
+        s = Lanes(inverse_factorial(2 * n + 1)) - r2 * s;
+        c = Lanes(inverse_factorial(2 * n)) - r2 * c;
+      }
+      s = r - r * (r2 * s);
+      c = Lanes(1) - r2 * c;
+      const Words odd = -(quarter & 1);
+      const Words sign = (quarter & 2) << (sizeof(T) * 8 - 2);
+      return numbers(((odd & words(c)) | (~odd & words(s))) ^ sign);
+    }
+#endif
+    return each([&](int k) { return quarter_turns == 0 ? std::sin(angle[k]) : std::cos(angle[k]); });
+  }
+
+  static constexpr T inverse_factorial(int n)
+  {
+    double product = 1;
+    for (int k = 2; k <= n; ++k) { product *= k; }
+    return static_cast<T>(1 / product);
+  }
+
+  Vector v_;
+};
+
+namespace detail {
+
+/// Rows or columns that one step of a loop of the input-Jacobian methods treats: each is a register already.
+template <class T, int N>
+inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
+
+/// What holds them. An Eigen::Array would do, if compilers inlined its expressions of registers (measured: 2× for B̂).
+template <class T, int N, int count>
+struct Registers {
+  using Scalar = iim::Lanes<T, N>;
+  std::array<Scalar, count> at;
+
+  static Registers Zero()
+  {
+    Registers r;
+    r.setZero();
+    return r;
+  }
+  [[gnu::always_inline]] void setZero() { at.fill(Scalar(0)); }
+  [[gnu::always_inline]] static Registers load(const Scalar* from)
+  {
+    return each([&](std::size_t k) { return from[k]; });
+  }
+  [[gnu::always_inline]] void store(Scalar* to) const
+  {
+    for (std::size_t k = 0; k < count; ++k) { to[k] = at[k]; }
+  }
+  const Scalar* data() const { return at.data(); }
+  const Scalar& operator()(Eigen::Index k) const { return at[static_cast<std::size_t>(k)]; }
+  Scalar& operator()(Eigen::Index k) { return at[static_cast<std::size_t>(k)]; }
+  template <int run>
+  [[gnu::always_inline]] Eigen::Array<Scalar, run, 1> segment(int first) const
+  {
+    Eigen::Array<Scalar, run, 1> part;
+    for (int k = 0; k < run; ++k) { part.data()[k] = at[static_cast<std::size_t>(first + k)]; }
+    return part;
+  }
+
+  [[gnu::always_inline]] friend inline Registers operator+(const Registers& a, const Registers& b)
+  {
+    return each([&](std::size_t k) { return a.at[k] + b.at[k]; });
+  }
+  [[gnu::always_inline]] friend inline Registers operator-(const Registers& a, const Registers& b)
+  {
+    return each([&](std::size_t k) { return a.at[k] - b.at[k]; });
+  }
+  [[gnu::always_inline]] friend inline Registers operator*(const Registers& a, const Scalar& b)
+  {
+    return each([&](std::size_t k) { return a.at[k] * b; });
+  }
+  [[gnu::always_inline]] friend inline Registers operator*(const Scalar& b, const Registers& a) { return a * b; }
+  [[gnu::always_inline]] Registers& operator+=(const Registers& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Registers& operator-=(const Registers& b) { return *this = *this - b; }
+
+private:
+  template <class F>
+  [[gnu::always_inline]] static Registers each(F&& f)
+  {
+    Registers r;
+    for (std::size_t k = 0; k < count; ++k) { r.at[k] = f(k); }
+    return r;
+  }
+};
+
+template <class T, int N>
+struct LanesOf<iim::Lanes<T, N>> {
+  using Type = Registers<T, N, lane_count<iim::Lanes<T, N>>>;
+};
+
+}  // namespace detail
+
+template <class T, int N>
+struct ScalarTraits<Lanes<T, N>> {
+  static bool is_positive(const Lanes<T, N>& x) { return x.is_positive(); }
+  static bool is_finite(const Lanes<T, N>& x) { return x.is_finite(); }
+};
+
+}  // namespace iim
+
+template <class T, int N>
+struct std::numeric_limits<iim::Lanes<T, N>> : std::numeric_limits<T> {
+  using Lanes = iim::Lanes<T, N>;
+  static Lanes min() { return std::numeric_limits<T>::min(); }
+  static Lanes max() { return std::numeric_limits<T>::max(); }
+  static Lanes lowest() { return std::numeric_limits<T>::lowest(); }
+  static Lanes epsilon() { return std::numeric_limits<T>::epsilon(); }
+  static Lanes infinity() { return std::numeric_limits<T>::infinity(); }
+  static Lanes quiet_NaN() { return std::numeric_limits<T>::quiet_NaN(); }
+};
+
+template <class T, int N>
+struct Eigen::NumTraits<iim::Lanes<T, N>> : Eigen::GenericNumTraits<T> {
+  using Real = iim::Lanes<T, N>;
+  using NonInteger = iim::Lanes<T, N>;
+  using Nested = iim::Lanes<T, N>;
+  using Literal = T;
+  enum { RequireInitialization = 0, ReadCost = 1, AddCost = 1, MulCost = 1 };
+  static Real epsilon() { return std::numeric_limits<T>::epsilon(); }
+  static Real dummy_precision() { return Eigen::NumTraits<T>::dummy_precision(); }
+  static Real highest() { return std::numeric_limits<T>::max(); }
+  static Real lowest() { return std::numeric_limits<T>::lowest(); }
+  static Real infinity() { return std::numeric_limits<T>::infinity(); }
+  static Real quiet_NaN() { return std::numeric_limits<T>::quiet_NaN(); }
+};
