@@ -1,8 +1,7 @@
-// Four-bar and parallelogram: the laws; Newton against the closed form; the cut tree with Lagrange multipliers.
+// Four-bar and parallelogram: Newton against the closed form; the cut tree with Lagrange multipliers.
 #include "catch.hpp"
 #include "type_robots.hpp"
 
-#include <iim/law_suite.hpp>
 #include <iim/subsystem/four_bar.hpp>
 
 using namespace iim;
@@ -49,14 +48,6 @@ Eigen::Vector2d angles_by_triangles(const FourBarLinkage<double>& m, double q)
 }
 
 }  // namespace
-
-TEST_CASE("A four-bar obeys the laws")
-{
-  Random random(41);
-  const LawReport report = check_laws(random_linkage(random));
-  INFO(report.text());
-  CHECK(report.ok());
-}
 
 TEST_CASE("Newton finds what the closed form has, with both derivatives; unreachable and singular are statuses")
 {

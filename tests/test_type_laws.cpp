@@ -74,7 +74,7 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   const LawReport sound = report_of(Defect::none);
   INFO(sound.text());
   CHECK(sound.ok());
-  CHECK(sound.laws.size() == 8);
+  CHECK(sound.laws.size() == 10);
 
   CHECK(broken(report_of(Defect::asymmetric_spring)) == std::vector<std::string>{"stored energy"});
   CHECK(broken(report_of(Defect::leak)) == std::vector<std::string>{"stored energy"});
@@ -83,7 +83,9 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
     return std::find(names.begin(), names.end(), law) != names.end();
   };
   CHECK(has(Defect::slow_frame, "velocity"));
+  CHECK(has(Defect::slow_frame, "recursion"));
   CHECK(has(Defect::no_bias, "acceleration"));
+  CHECK(has(Defect::no_bias, "recursion"));
   CHECK(has(Defect::world_bound, "velocity"));
   CHECK(has(Defect::world_bound, "invariance"));
   CHECK(has(Defect::light, "inertia"));

@@ -1,8 +1,7 @@
-// Slider-crank and actuated lever: the laws, and the cut tree with Lagrange multipliers.
+// Slider-crank and actuated lever: the cut tree with Lagrange multipliers, and what they refuse.
 #include "catch.hpp"
 #include "type_robots.hpp"
 
-#include <iim/law_suite.hpp>
 #include <iim/subsystem/slider_crank.hpp>
 
 using namespace iim;
@@ -80,19 +79,6 @@ Inputs<Tree> inputs_of(const Tree& tree, const std::string& drive)
 constexpr double tolerance = 1e6 * eps;
 
 }  // namespace
-
-TEST_CASE("An actuated lever obeys the laws, its screw included")
-{
-  Random random(51);
-  ActuatedLever<double> lever = random_lever(random);
-  lever.mechanism.screw = 300;
-  lever.body[3].is_massless = false;
-  lever.body[3].mass = 0.1;
-  lever.body[3].inertia = 2e-5 * Mat3::Identity();
-  const LawReport report = check_laws(lever);
-  INFO(report.text());
-  CHECK(report.ok());
-}
 
 TEST_CASE("An actuated lever is a cut tree with Lagrange multipliers")
 {
