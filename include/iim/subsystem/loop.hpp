@@ -33,7 +33,7 @@ struct LoopOptions {
   /// Newton ends when a step is at most this times (1 + |y|).
   Scalar tolerance = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
   int max_iterations = 30;
-  /// Singular if the smallest pivot of Φ_y is less than this times the largest.
+  /// Singular if the smallest pivot of Φ_y is less than this times the largest, or times the largest entry of Φ_q.
   Scalar singular = Scalar(1e-8);
 };
 
@@ -82,22 +82,25 @@ ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::arr
     Phi_y.row(static_cast<Index>(k)) = at_y[k].gradient;
     residual += abs(at_y[k].value);
   }
+  // Φ_q with y held. It counts in what Φ_y is small against: one equation has no other measure.
+  for (std::size_t k = 0; k < size; ++k) { loop.y[k] = Dependent<Scalar, n>(y(static_cast<Index>(k))); }
+  Eigen::Matrix<Scalar, n_y, n> Phi_q;
+  const auto at_q = equations(loop.y, q);
+  for (std::size_t k = 0; k < size; ++k) { Phi_q.row(static_cast<Index>(k)) = at_q[k].gradient; }
+
   const Eigen::FullPivLU<Matrix> lu(Phi_y);
-  const Scalar largest = abs(lu.maxPivot());
   const Scalar smallest = lu.matrixLU().diagonal().cwiseAbs().minCoeff();
+  const Scalar of_q = Phi_q.cwiseAbs().maxCoeff();
+  const Scalar largest = of_q > abs(lu.maxPivot()) ? of_q : Scalar(abs(lu.maxPivot()));
   if (converged) {
     loop.status = smallest > options.singular * largest ? LoopStatus::ok : LoopStatus::singular;
   } else if (residual <= sqrt(Eigen::NumTraits<Scalar>::epsilon()) * largest * (Scalar(1) + y.norm())) {
     loop.status = LoopStatus::singular;
   }
-
-  // Φ_q with y held, then Φ̈ with y moving along.
-  for (std::size_t k = 0; k < size; ++k) { loop.y[k] = Dependent<Scalar, n>(y(static_cast<Index>(k))); }
   if (loop.status != LoopStatus::ok) { return loop; }
-  Eigen::Matrix<Scalar, n_y, n> Phi_q;
+
+  // Φ̈ with y moving along.
   Eigen::Matrix<Scalar, n, 1> qd;
-  const auto at_q = equations(loop.y, q);
-  for (std::size_t k = 0; k < size; ++k) { Phi_q.row(static_cast<Index>(k)) = at_q[k].gradient; }
   for (std::size_t d = 0; d < count; ++d) { qd(static_cast<Index>(d)) = q[d].rate; }
   const Eigen::Matrix<Scalar, n_y, n> G = -lu.solve(Phi_q);
   for (std::size_t k = 0; k < size; ++k) {

@@ -1,0 +1,139 @@
+// What a loop cannot do comes back as a status: of the closure itself, and of the cycle for each mechanism with a loop.
+#include "catch.hpp"
+#include "type_robots.hpp"
+
+#include <iim/subsystem/four_bar.hpp>
+#include <iim/subsystem/parallel_ankle.hpp>
+#include <iim/subsystem/slider_crank.hpp>
+
+using namespace iim;
+using namespace iim::test;
+
+namespace {
+
+using Parts = Assembly<RevoluteLink<double>, FourBar<double>, SliderCrank<double>, ActuatedLever<double>,
+                       ParallelAnkle<double>>;
+
+Body<double> box() { return {1, Vec3(0.1, 0, 0), 0.02 * Mat3::Identity(), false}; }
+
+/// A hinge that carries the mechanism: number 1 in the tree. Its states in turn, good ones (true) and such as it refuses.
+template <class Mechanism>
+void answers(Mechanism mechanism, const std::vector<std::pair<Eigen::VectorXd, bool>>& states)
+{
+  for (Body<double>& body : mechanism.body) { body = box(); }
+  Parts parts;
+  const DynamicTree tree(parts.add("base", {}, RevoluteLink<double>{{Vec3::UnitY()}, box()}).add("loop", {"base"}, mechanism));
+  const Inputs inputs(tree);
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  Eigen::MatrixXd first;
+  for (const auto& [q_loop, good] : states) {
+    Eigen::VectorXd q = Eigen::VectorXd::Zero(tree.n_q()), qd = Eigen::VectorXd::Ones(tree.n_v());
+    q.tail(q_loop.size()) = q_loop;
+    const auto receipt = forward_dynamics(q, qd, ws);
+    const auto answer = method(receipt);
+    INFO("q = " << q_loop.transpose());
+    CHECK(receipt.ok() == good);
+    CHECK(answer.ok() == good);
+    if (good) {
+      CHECK(answer.qdd0.allFinite());
+      CHECK(answer.Bhat.allFinite());
+      // Nothing stays behind of the refused states in between.
+      if (q_loop == states[0].first && first.size() > 0) { CHECK(answer.Bhat == first); }
+      if (first.size() == 0) { first = answer.Bhat; }
+    } else {
+      CHECK(receipt.status() == Status::invalid_state);
+      CHECK(receipt.subsystem() == 1);
+      CHECK(answer.qdd0.array().isNaN().all());
+      CHECK(answer.Bhat.array().isNaN().all());
+    }
+  }
+}
+
+Eigen::VectorXd at(double q) { return Eigen::VectorXd::Constant(1, q); }
+
+}  // namespace
+
+TEST_CASE("The point where two bars meet: found, singular where they are in line, unreachable beyond")
+{
+  using D = Dependent<double, 1>;
+  const auto meet = [](double distance, PlanePoint<double, 1>& C) {
+    return meeting_point<double, 1>({D(0), D(0)}, 0.5, {D(distance), D(0)}, 0.5, 1, C);
+  };
+  PlanePoint<double, 1> C;
+  CHECK(meet(0.6, C) == LoopStatus::ok);
+  CHECK(std::abs(C.x.value - 0.3) < 4 * eps);
+  CHECK(std::abs(C.y.value - 0.4) < 4 * eps);
+  CHECK(meet(1 - 1e-11, C) == LoopStatus::ok);        // derivatives have lost six digits
+  CHECK(meet(1 - 1e-13, C) == LoopStatus::singular);  // seven
+  CHECK(meet(1 + 1e-13, C) == LoopStatus::unreachable);
+  CHECK(meet(1.4, C) == LoopStatus::unreachable);
+}
+
+TEST_CASE("Newton's closure: unreachable and singular are different statuses")
+{
+  using D = Dependent<double, 1>;
+  // y² = 1 − q²: two ways for |q| < 1, one with no derivative at 1, none beyond.
+  const auto circle = []<class T>(const std::array<T, 1>& y, const std::array<T, 1>& q) {
+    return std::array<T, 1>{y[0] * y[0] + q[0] * q[0] - T(1)};
+  };
+  const auto close = [&](double q, double start) {
+    return close_loop<1>(circle, std::array<D, 1>{D(q, Eigen::Matrix<double, 1, 1>(1), 1, 0)},
+                         Eigen::Matrix<double, 1, 1>(start));
+  };
+  for (const double side : {1.0, -1.0}) {
+    const auto loop = close(0.6, side);
+    REQUIRE(loop.status == LoopStatus::ok);
+    CHECK(std::abs(loop.y[0].value - side * 0.8) < 4 * eps);
+    CHECK(std::abs(loop.y[0].gradient(0) + side * 0.75) < 8 * eps);         // −q/y
+    CHECK(std::abs(loop.y[0].bias + side / (0.8 * 0.8 * 0.8)) < 32 * eps);  // −1/y³
+  }
+  CHECK(close(1, 0.5).status == LoopStatus::singular);
+  CHECK(close(2, 0.5).status == LoopStatus::unreachable);
+}
+
+TEST_CASE("A four-bar refuses angles out of reach and dead centres")
+{
+  FourBar<double> bars;
+  bars.mechanism = {{}, {1, 0}, 0.4, 0.5, 0.5, 1};
+  const double dead = std::acos(0.2);  // B is 1 m from D there, coupler and rocker in line
+  answers(bars, {{at(0.3), true}, {at(3), false}, {at(0.3), true}, {at(dead), false}, {at(dead - 1e-3), true}, {at(0.3), true}});
+}
+
+TEST_CASE("A slider-crank refuses angles where its rod is too short, and where it stands across the guide")
+{
+  SliderCrank<double> slider;
+  slider.mechanism = {{}, 0.3, 0.15, 0, 1};
+  const double dead = std::asin(0.5);
+  answers(slider, {{at(0.2), true}, {at(1.2), false}, {at(dead), false}, {at(dead - 1e-3), true}, {at(0.2), true}});
+}
+
+TEST_CASE("An actuated lever refuses the angle where its pin meets the pivot")
+{
+  ActuatedLever<double> lever;
+  lever.mechanism = {{}, {0.2, 0}, {0, 0.2}, 1};
+  answers(lever, {{at(0.3), true}, {at(-std::acos(0.0)), false}, {at(-1.5), true}, {at(0.3), true}});
+}
+
+TEST_CASE("A parallel ankle refuses what a rod cannot reach, and a rod in line with its crank")
+{
+  ParallelAnkle<double> ankle;
+  for (std::size_t k = 0; k < 2; ++k) {
+    PushRod<double>& r = ankle.mechanism.rod[k];
+    const double y = k == 0 ? 0.04 : -0.04;
+    r.hinge = {0, y, 0.25};
+    r.crank = {-0.05, 0, 0};
+    r.foot = {-0.05, y, 0};
+    r.rod = 0.25;
+    r.rod_mass = 0.2;
+  }
+  const auto tilt = [](double first, double second) { return Eigen::VectorXd(Eigen::Vector2d(first, second)); };
+  // About y by t the rod's end is at 0.05 (−cos t, 0, sin t): in line with the crank where it is 0.3 m off the hinge.
+  //     0.05² + 0.25² − 0.025 sin t = 0.3²   for none; 0.2²: sin t = 1, t = π/2
+  answers(ankle, {{tilt(0.2, 0.1), true}, {tilt(std::acos(0.0), 0), false}, {tilt(1.2, 0), true}, {tilt(0.2, 0.1), true}});
+  // The same with a rod of 0.22 m: sin t = (0.065 − 0.27²)/0.025 < 0 is where it is fully out.
+  for (PushRod<double>& r : ankle.mechanism.rod) { r.rod = 0.22; }
+  const double out = std::asin((0.065 - 0.27 * 0.27) / 0.025);
+  answers(ankle, {{tilt(0.2, 0.1), true}, {tilt(out - 0.1, 0), false}, {tilt(out, 0), false}, {tilt(out + 0.01, 0), true},
+                  {tilt(0.2, 0.1), true}});
+}
