@@ -93,6 +93,19 @@ public:
     count();
   }
 
+  /// The same inputs on the same robot with another Scalar.
+  template <class Other>
+  Inputs<Other> on(const Other& tree) const
+  {
+    using T = typename Other::Scalar;
+    Inputs<Other> other(tree, Inputs<Other>::Start::empty);
+    for (const Input<Scalar>& input : blocks_) {
+      other.append({input.kind, input.name, input.size, input.subsystem, input.frame, input.point.template cast<T>(),
+                    input.R.template cast<T>(), input.axes, input.v, input.velocities, input.bbar, input.active});
+    }
+    return other;
+  }
+
   const Tree& tree() const { return *tree_; }
   Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
@@ -123,6 +136,9 @@ public:
   }
 
 private:
+  template <class Other>
+  friend class Inputs;
+
   Input<Scalar> motors_of(Index i) const
   {
     Input<Scalar> input{InputKind::motor, tree_->name(i), 0, i};

@@ -28,6 +28,7 @@
 #include <numbers>
 #include <ostream>
 #include <type_traits>
+#include <utility>
 
 #if defined(__AVX__) || defined(__SSE2__)
 #include <immintrin.h>
@@ -198,6 +199,19 @@ public:
     Words carried = words(Lanes(0));
     for (Eigen::Index k = 0; k < count; ++k) { carried |= (words(x[k]) & BitTraits::exponent) + BitTraits::one; }
     return !any_sign(carried);
+  }
+
+  /// In runs of 2·step lanes: `step` lanes from lane `from` on of this, then the same lanes of `other`.
+  template <int step, int from>
+  [[gnu::always_inline]] Lanes mixed(const Lanes& other) const
+  {
+    return [&]<int... k>(std::integer_sequence<int, k...>) {
+#if __has_builtin(__builtin_shufflevector)
+      return of(__builtin_shufflevector(v_, other.v_, ((k & step) == 0 ? k + from : k - step + from + N)...));
+#else
+      return of(Vector{((k & step) == 0 ? v_[(k + from) % N] : other.v_[(k - step + from) % N])...});
+#endif
+    }(std::make_integer_sequence<int, N>{});
   }
 
   T* data() { return reinterpret_cast<T*>(&v_); }

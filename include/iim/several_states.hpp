@@ -1,0 +1,300 @@
+// Many states of one robot: one state per lane of a register, the text of the recursions unchanged (lanes.hpp).
+//
+//     iim::SeveralStates several(assembly, inputs);       // one per thread; the assembly from which inputs' tree was made
+//     several.accelerations(q, qd, u, qdd, outcomes);     // q̈ of N states, a column each
+//     several.evaluate(q, qd, qdd0, Bhat, outcomes);      // q̈₀ and B̂ of N states
+//     several.for_each(q, qd, [&](Index state, const auto& dynamics) { … });         // while it is in the cache
+//     several.for_each_pack(q, qd, [&](const auto& pack) { … });                     // and without leaving the lanes
+//
+// The last pack is filled up with copies of the last state. A pack with a lane that has no result, or whose lanes would
+// have to take different branches, is computed again state by state: statuses are those of the single-state path.
+#pragma once
+
+#include <iim/assembly.hpp>
+#include <iim/errors.hpp>
+#include <iim/forward_dynamics.hpp>
+#include <iim/implicit_inversion.hpp>
+#include <iim/inputs.hpp>
+#include <iim/lanes.hpp>
+#include <iim/tree.hpp>
+#include <iim/workspace.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+namespace iim {
+
+/// How the computation of one state ended.
+struct Outcome {
+  Status status = Status::ok;
+  Index subsystem = -1;  ///< that status is about; −1: none
+
+  bool ok() const { return status == Status::ok; }
+  bool operator==(const Outcome&) const = default;
+};
+
+namespace detail {
+
+/// The type of the same tree in another Scalar.
+template <class Tree, class Scalar>
+struct TreeIn;
+template <class... S, class Scalar>
+struct TreeIn<DynamicTree<S...>, Scalar> {
+  using Type = DynamicTree<decltype(std::declval<const S&>().template cast<Scalar>())...>;
+};
+template <class... Nodes, class Scalar>
+struct TreeIn<StaticTree<Nodes...>, Scalar> {
+  template <class N>
+  using In = On<N::parent, decltype(std::declval<const typename N::Subsystem&>().template cast<Scalar>()), N::outlet>;
+  using Type = StaticTree<In<Nodes>...>;
+};
+
+/// The rows of an N × N block become its columns.
+template <class T, int N>
+[[gnu::always_inline]] inline void transpose(std::array<iim::Lanes<T, N>, static_cast<std::size_t>(N)>& block)
+{
+  // Bit by bit of the indices: rows r and r + step exchange their halves of runs of 2·step lanes.
+  const auto exchange = [&]<int step>(std::integral_constant<int, step>) {
+    for (int r = 0; r < N; ++r) {
+      if ((r & step) != 0) { continue; }
+      auto& low = block[static_cast<std::size_t>(r)];
+      auto& high = block[static_cast<std::size_t>(r + step)];
+      const auto first = low.template mixed<step, 0>(high);
+      high = low.template mixed<step, step>(high);
+      low = first;
+    }
+  };
+  if constexpr (N > 1) { exchange(std::integral_constant<int, 1>{}); }
+  if constexpr (N > 2) { exchange(std::integral_constant<int, 2>{}); }
+  if constexpr (N > 4) { exchange(std::integral_constant<int, 4>{}); }
+  if constexpr (N > 8) { exchange(std::integral_constant<int, 8>{}); }
+}
+
+/// Entry r of lane l to targets[l][r], for l < count.
+template <class T, int N>
+void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, Index stride)
+{
+  std::array<iim::Lanes<T, N>, static_cast<std::size_t>(N)> block;
+  Index r = 0;
+  for (; r + N <= size; r += N) {
+    std::copy(rows + r, rows + r + N, block.begin());
+    transpose<T, N>(block);
+    for (int l = 0; l < count; ++l) {
+      std::copy(block[static_cast<std::size_t>(l)].data(), block[static_cast<std::size_t>(l)].data() + N, target + l * stride + r);
+    }
+  }
+  for (; r < size; ++r) {
+    for (int l = 0; l < count; ++l) { target[l * stride + r] = rows[r][l]; }
+  }
+}
+
+}  // namespace detail
+
+/// q̈₀ and B̂, or q̈ under inputs, of many states. Construction allocates; nothing after it does. One per thread: it is the
+/// workspace. Refers to `inputs` and its tree, and follows which inputs are active.
+template <class Tree, Update update = Update::projected>
+class SeveralStates {
+  static_assert(update != Update::square_root, "the square-root form decides about pivots for each state by itself");
+
+public:
+  using Scalar = typename Tree::Scalar;
+  using Pack = Lanes<Scalar>;
+  static constexpr int lanes = Pack::size;
+
+  /// Results of up to `lanes` states at once, in lanes. Refers to memory of SeveralStates; good until its next use.
+  struct PackDynamics {
+    Index first;                          ///< lane l holds state first + l
+    int count;                            ///< lanes that hold a state
+    Eigen::Map<const VectorX<Pack>> qdd0;  ///< n_v; NaN in lanes without a result
+    Eigen::Map<const MatrixX<Pack>> Bhat;  ///< n_v × m; the same
+    const std::array<Outcome, static_cast<std::size_t>(lanes)>& outcome;
+  };
+
+  /// The assembly from which inputs.tree() was made. Throws ModelError as the tree does.
+  template <class AssemblyType>
+  SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
+      : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
+        lane_tree_(assembly.template cast<Pack>()), lane_inputs_(inputs.on(lane_tree_)), lane_workspace_(lane_tree_),
+        lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()), qd_(lane_tree_.n_v()), u_(inputs.max_columns()),
+        qdd_(lane_tree_.n_v()), Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()),
+        one_qd_(lane_tree_.n_v()), one_u_(inputs.max_columns()),
+        states_((lane_tree_.n_v() + Bhat_.size()) * lanes)
+  {
+  }
+  SeveralStates(const SeveralStates&) = delete;
+  SeveralStates& operator=(const SeveralStates&) = delete;
+
+  const Tree& tree() const { return inputs_->tree(); }
+  const Inputs<Tree>& inputs() const { return *inputs_; }
+
+  /// Calls f(const PackDynamics&) for the states (q, q̇), a column each: n_q × N and n_v × N.
+  template <Scene scene = Scene{}, class Q, class V, class F>
+  void for_each_pack(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, F&& f)
+  {
+    check(q, qd);
+    follow_inputs();
+    for (Index first = 0; first < q.cols(); first += lanes) {
+      const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
+      load(q.derived(), first, count, q_);
+      load(qd.derived(), first, count, qd_);
+      LaneVote::reset();
+      const AffineDynamics<Pack> result = lane_method_(forward_dynamics<scene>(q_, qd_, lane_workspace_));
+      const Index m = result.Bhat.cols();
+      if (result.ok() && !LaneVote::divided()) {
+        outcome_.fill(Outcome{});
+        f(PackDynamics{first, count, result.qdd0, result.Bhat, outcome_});
+        continue;
+      }
+      for (int l = 0; l < count; ++l) {
+        one_q_ = q.col(first + l);
+        one_qd_ = qd.col(first + l);
+        const AffineDynamics<Scalar> one = method_(forward_dynamics<scene>(one_q_, one_qd_, workspace_));
+        outcome_[at(l)] = {one.status, one.subsystem};
+        for (Index i = 0; i < qdd_.size(); ++i) { qdd_(i).set(l, one.qdd0(i)); }
+        for (Index k = 0; k < one.Bhat.size(); ++k) { Bhat_(k).set(l, one.Bhat.data()[k]); }
+      }
+      f(PackDynamics{first, count, {qdd_.data(), qdd_.size()}, {Bhat_.data(), qdd_.size(), m}, outcome_});
+    }
+  }
+
+  /// Calls f(state, const AffineDynamics<Scalar>&) for each state in turn.
+  template <Scene scene = Scene{}, class Q, class V, class F>
+  void for_each(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, F&& f)
+  {
+    const Index n = tree().n_v();
+    for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
+      const Index m = pack.Bhat.cols();
+      const Index size = n + n * m;
+      detail::from_lanes(pack.qdd0.data(), n, pack.count, states_.data(), size);
+      detail::from_lanes(pack.Bhat.data(), n * m, pack.count, states_.data() + n, size);
+      for (int l = 0; l < pack.count; ++l) {
+        const Scalar* state = states_.data() + l * size;
+        const Outcome& outcome = pack.outcome[at(l)];
+        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + n, n, m}, outcome.status, outcome.subsystem});
+      }
+    });
+  }
+
+  /// qdd0: n_v × N. Bhat: (n_v·m) × N, a state's B̂ column by column in each. outcomes: N. NaN where a state has no
+  /// result. Returns how many have none.
+  template <Scene scene = Scene{}, class Q, class V>
+  Index evaluate(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, MatrixX<Scalar>& qdd0,
+                 MatrixX<Scalar>& Bhat, std::span<Outcome> outcomes)
+  {
+    const Index n = tree().n_v();
+    assert(qdd0.rows() == n && qdd0.cols() == q.cols() && "qdd0 must be n_v × N");
+    assert(Bhat.rows() == n * inputs_->columns() && Bhat.cols() == q.cols() && "Bhat must be (n_v·m) × N");
+    assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
+    Index failed = 0;
+    for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
+      detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * n, n);
+      detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.rows(), Bhat.rows());
+      failed += note(pack.first, pack.count, outcomes);
+    });
+    return failed;
+  }
+
+  /// q̈ (n_v × N) of the states under the inputs u (m × N), by the O(n) pass. outcomes: N. NaN where a state has no
+  /// result. Returns how many have none.
+  template <Scene scene = Scene{}, class Q, class V, class U>
+  Index accelerations(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, const Eigen::MatrixBase<U>& u,
+                      MatrixX<Scalar>& qdd, std::span<Outcome> outcomes)
+  {
+    check(q, qd);
+    follow_inputs();
+    const Index m = inputs_->columns();
+    const Index n = tree().n_v();
+    assert(u.rows() == m && u.cols() == q.cols() && "u must be m × N");
+    assert(qdd.rows() == n && qdd.cols() == q.cols() && "qdd must be n_v × N");
+    assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
+    Index failed = 0;
+    for (Index first = 0; first < q.cols(); first += lanes) {
+      const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
+      load(q.derived(), first, count, q_);
+      load(qd.derived(), first, count, qd_);
+      load(u.derived(), first, count, u_);
+      LaneVote::reset();
+      const Acceleration<Pack> result = forward_dynamics<scene>(q_, qd_, lane_inputs_, u_.head(m), lane_workspace_);
+      if (result.status == Status::ok && !LaneVote::divided()) {
+        outcome_.fill(Outcome{});
+        detail::from_lanes(result.qdd.data(), n, count, qdd.data() + first * n, n);
+      } else {
+        for (int l = 0; l < count; ++l) {
+          one_q_ = q.col(first + l);
+          one_qd_ = qd.col(first + l);
+          one_u_.head(m) = u.col(first + l);
+          const Acceleration<Scalar> one = forward_dynamics<scene>(one_q_, one_qd_, *inputs_, one_u_.head(m), workspace_);
+          outcome_[at(l)] = {one.status, one.subsystem};
+          if (one.status == Status::ok) {
+            qdd.col(first + l) = one.qdd;
+          } else {
+            qdd.col(first + l).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+          }
+        }
+      }
+      failed += note(first, count, outcomes);
+    }
+    return failed;
+  }
+
+private:
+  using LaneTree = typename detail::TreeIn<Tree, Pack>::Type;
+
+  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
+
+  template <class Q, class V>
+  void check([[maybe_unused]] const Eigen::MatrixBase<Q>& q, [[maybe_unused]] const Eigen::MatrixBase<V>& qd) const
+  {
+    assert(q.rows() == tree().n_q() && "q must have n_q rows");
+    assert(qd.rows() == tree().n_v() && qd.cols() == q.cols() && "qd must be n_v × N");
+    assert(inputs_->blocks() == lane_inputs_.blocks() && "inputs were added after SeveralStates was made");
+  }
+
+  void follow_inputs()
+  {
+    for (Index id = 0; id < inputs_->blocks(); ++id) {
+      const bool active = inputs_->block(id).active;
+      if (lane_inputs_.block(id).active != active) { lane_inputs_.set_active(id, active); }
+    }
+  }
+
+  /// Columns first … first + count as lanes; the last one again in the lanes that are left.
+  template <class Matrix>
+  static void load(const Matrix& m, Index first, int count, VectorX<Pack>& rows)
+  {
+    for (int l = 0; l < lanes; ++l) {
+      const Index column = first + std::min(l, count - 1);
+      for (Index i = 0; i < m.rows(); ++i) { rows(i).data()[l] = m.coeff(i, column); }
+    }
+  }
+
+  Index note(Index first, int count, std::span<Outcome> outcomes) const
+  {
+    std::copy(outcome_.begin(), outcome_.begin() + count, outcomes.begin() + first);
+    return std::count_if(outcome_.begin(), outcome_.begin() + count, [](const Outcome& o) { return !o.ok(); });
+  }
+
+  const Inputs<Tree>* inputs_;
+  Workspace<Tree, update> workspace_;  // for states by themselves
+  ImplicitInversion<Tree> method_;
+  LaneTree lane_tree_;
+  Inputs<LaneTree> lane_inputs_;
+  Workspace<LaneTree, update> lane_workspace_;
+  ImplicitInversion<LaneTree> lane_method_;
+  VectorX<Pack> q_, qd_, u_;
+  VectorX<Pack> qdd_, Bhat_;  // of a pack that was computed state by state
+  VectorX<Scalar> one_q_, one_qd_, one_u_;
+  VectorX<Scalar> states_;  // q̈₀ and B̂ of a pack, one state after the other
+  std::array<Outcome, static_cast<std::size_t>(lanes)> outcome_;
+};
+
+template <class AssemblyType, class Tree>
+SeveralStates(const AssemblyType&, const Inputs<Tree>&) -> SeveralStates<Tree>;
+
+}  // namespace iim
