@@ -4,7 +4,9 @@
 
 #include <iim/models.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 
 namespace bench {
@@ -99,10 +101,45 @@ std::vector<std::string> biped_points()
   return {iim::models::biped_contacts.begin(), iim::models::biped_contacts.end()};
 }
 
+/// The arm with a motor at every joint, the rotor's axis along the joint's.
+Parts geared(const Parts& arm, double ratio, double rotor_inertia)
+{
+  Parts result;
+  for (const auto& part : arm.parts()) {
+    std::visit(
+        [&](const auto& s) {
+          if constexpr (std::is_same_v<std::remove_cvref_t<decltype(s)>, Link>) {
+            iim::MotorArm<double> motor_arm{s.joint, s.body, {}};
+            motor_arm.motor.gear_ratio = ratio;
+            motor_arm.motor.axial_inertia = rotor_inertia;
+            motor_arm.motor.axis = s.joint.axis;
+            result.add(part.name, part.on, motor_arm);
+          }
+        },
+        part.part);
+  }
+  return result;
+}
+
+/// A chain whose joint axes nearly coincide in pairs: `apart` [m] and [rad].
+Parts near_coincident(Index n, double apart)
+{
+  Parts parts;
+  const Parts before = chain(n, [=](Index i) { return Rod{1, i % 2 == 0 ? apart : 1.0, static_cast<int>(i / 2 % 2)}; });
+  for (const auto& part : before.parts()) {
+    auto on = part.on;
+    on.R = Eigen::AngleAxisd(apart, Vec3(1, 2, 3).normalized()).toRotationMatrix();
+    std::visit([&](const auto& s) { parts.add(part.name, on, s); }, part.part);
+  }
+  return parts;
+}
+
+constexpr std::uint64_t seed = 4711;
+
 void fill(AccuracyScene& scene, int count, double speed = 1, double spread = 1)
 {
   const Tree<double> tree(scene.parts);
-  scene.states = random_states(tree, 0, count, 4711);
+  scene.states = random_states(tree, 0, count, seed);
   for (State<double>& x : scene.states) {
     x.qd *= speed;
     if (spread != 1) { x.q *= spread; }
@@ -111,12 +148,12 @@ void fill(AccuracyScene& scene, int count, double speed = 1, double spread = 1)
 
 }  // namespace
 
-std::vector<AccuracyScene> accuracy_scenes(bool quick)
+std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
 {
   std::vector<AccuracyScene> scenes;
-  const int count = quick ? 3 : 20;
+  const int count = states > 0 ? states : quick ? 3 : 20;
   const auto add = [&](AccuracyScene scene, double speed = 1, double spread = 1) {
-    fill(scene, scene.timed ? 32 : count, speed, spread);
+    fill(scene, scene.timed && states == 0 ? 32 : count, speed, spread);
     scenes.push_back(std::move(scene));
   };
 
@@ -130,7 +167,7 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick)
   if (!quick) { lengths.insert(lengths.end(), {200, 500, 1000}); }
   for (const Index n : lengths) {
     AccuracyScene scene{"chain of " + std::to_string(n), "length", static_cast<double>(n), alternating(n)};
-    fill(scene, quick ? 1 : n >= 500 ? 2 : 5);
+    fill(scene, states > 0 ? std::max(1, n >= 500 ? states / 10 : states) : quick ? 1 : n >= 500 ? 2 : 5);
     scenes.push_back(std::move(scene));
   }
 
@@ -151,33 +188,28 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick)
           chain(12, [](Index i) { return Rod{std::pow(10.0, static_cast<double>(i)), 1, static_cast<int>(i % 2)}; }));
   extreme("mass ÷ 10 per link outward, 12 links",
           chain(12, [](Index i) { return Rod{std::pow(10.0, -static_cast<double>(i)), 1, static_cast<int>(i % 2)}; }));
+  extreme("mass × 10 per link outward, 13 links",
+          chain(13, [](Index i) { return Rod{std::pow(10.0, static_cast<double>(i)), 1, static_cast<int>(i % 2)}; }));
+  extreme("mass ÷ 10 per link outward, 13 links",
+          chain(13, [](Index i) { return Rod{std::pow(10.0, -static_cast<double>(i)), 1, static_cast<int>(i % 2)}; }));
+  extreme("masses of 1 and 1e12 kg in turn, 8 links",
+          chain(8, [](Index i) { return Rod{i % 2 == 1 ? 1e12 : 1.0, 1, static_cast<int>(i % 3)}; }));
   extreme("links of 1 mm between links of 1 m, 12",
           chain(12, [](Index i) { return Rod{1, i % 2 == 1 ? 1e-3 : 1.0, static_cast<int>(i % 3)}; }));
   extreme("load 1e6 kg on a 10 mm wrist", loaded_arm(1e6, 0.01));
   extreme("load 1e9 kg on a 10 mm wrist", loaded_arm(1e9, 0.01));
   extreme("parallel axes, 20 links", chain(20, [](Index) { return Rod{1, 1, 1}; }));
   extreme("near-coincident axes: 1e-6 m apart, 8 links", chain(8, [](Index i) { return Rod{1, i % 2 == 0 ? 1e-6 : 1.0, 1}; }));
-  {
-    Parts arm = loaded_arm(1);
-    Parts geared;
-    for (const auto& part : arm.parts()) {
-      std::visit(
-          [&](const auto& s) {
-            if constexpr (std::is_same_v<std::remove_cvref_t<decltype(s)>, Link>) {
-              iim::MotorArm<double> motor_arm{s.joint, s.body, {}};
-              motor_arm.motor.gear_ratio = 1e3;
-              motor_arm.motor.axial_inertia = 1e-2;  // 10⁴ kg m² at the joint
-              motor_arm.motor.axis = s.joint.axis;
-              geared.add(part.name, part.on, motor_arm);
-            }
-          },
-          part.part);
-    }
-    extreme("gear ratio 1000, rotor 1e6 times the arm", geared);
-  }
+  extreme("near-coincident axes in pairs, 1e-6 m and rad, 8 links", near_coincident(8, 1e-6));
+  extreme("gear ratio 1000, rotor 1e6 times the arm", geared(loaded_arm(1), 1e3, 1e-2));
+  extreme("gear ratio 1000, rotor as the arm", geared(loaded_arm(1), 1e3, 1e-8));
+  // Rotor and arm turn together: A' = ΘJ(1 − ratio)² / (Θ + J ratio²) is all that the parent feels of them.
+  extreme("rotor and arm nearly locked: gear ratio 1 + 1e-6",
+          geared(chain(6, [](Index i) { return Rod{i % 2 == 0 ? 1e-6 : 1.0, 0.4, 2}; }), 1 + 1e-6, 1e-2));
   extreme("speeds of 1e3 rad/s", loaded_arm(1), 1e3);
   extreme("masses of 1e300 kg", chain(5, [](Index i) { return Rod{1e300, 1, static_cast<int>(i % 2)}; }));
   extreme("masses of 1e-308 kg", chain(5, [](Index i) { return Rod{1e-308, 1, static_cast<int>(i % 2)}; }));
+  extreme("masses of 1e-300 kg", chain(5, [](Index i) { return Rod{1e-300, 1, static_cast<int>(i % 2)}; }));
   {
     Parts parts = chain(4, [](Index i) { return Rod{1, 1, static_cast<int>(i % 2)}; });
     Link tip;
@@ -203,6 +235,12 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick)
     extreme("massless middle link", parts);
   }
   extreme("biped, base 1e6 times lighter", light_base_biped(1e6), 1, 1, biped_points());
+  {
+    AccuracyScene scene{"biped 1e6 m from the origin", "extreme", 0, iim::models::biped<double>(), biped_points()};
+    fill(scene, count);
+    for (State<double>& x : scene.states) { x.q.head<3>() += Vec3(1e6, -1e6, 1e6); }
+    scenes.push_back(std::move(scene));
+  }
   extreme("stretched arm: kinematic singularity", loaded_arm(1), 1, 0);
   return scenes;
 }

@@ -1,0 +1,121 @@
+// PART OF: iim_accuracy
+// Figures of errors.
+#include "accuracy_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+
+namespace bench {
+
+namespace {
+
+/// One colour and point per variant.
+const std::vector<std::pair<std::string, Look>> looks{{"implicit inversion, printed", {"#E69F00", 5, 1, 2}},
+                                                      {"implicit inversion, projected", {"#0072B2", 7, 1, 2.5}},
+                                                      {"implicit inversion, square root", {"#009E73", 9, 1, 2.5}},
+                                                      {"unit forces, projected", {"#56B4E9", 6, 2, 1.5}},
+                                                      {"recursive inverse, projected", {"#CC79A7", 8, 2, 1.5}},
+                                                      {"body-fixed frames, printed", {"#8C564B", 4, 4, 1.5}},
+                                                      {"body-fixed frames, projected", {"#8C564B", 12, 1, 1.5}},
+                                                      {"common origin, printed", {"#7F7F7F", 10, 4, 1.5}},
+                                                      {"common origin, projected", {"#7F7F7F", 11, 1, 1.5}},
+                                                      {"branch-sparse Cholesky", {"#D55E00", 13, 1, 2}}};
+
+/// In the picture of error against time.
+const std::vector<std::pair<std::string, const char*>> colours{
+    {"implicit inversion, printed", "#E69F00"},  {"implicit inversion, projected", "#0072B2"},
+    {"implicit inversion, square root", "#009E73"}, {"unit forces, printed", "#F5C76A"},
+    {"unit forces, projected", "#56B4E9"},       {"unit forces, square root", "#7FD1B9"},
+    {"recursive inverse, printed", "#F0E442"},   {"recursive inverse, projected", "#CC79A7"},
+    {"recursive inverse, square root", "#9467BD"}, {"body-fixed frames, printed", "#C49C94"},
+    {"body-fixed frames, projected", "#8C564B"}, {"common origin, printed", "#C7C7C7"},
+    {"common origin, projected", "#7F7F7F"},     {"branch-sparse Cholesky", "#D55E00"},
+    {"dense Cholesky", "#000000"}};
+
+const std::map<std::string, int> points{{"float", 9}, {"double", 7}, {"long double", 5}};
+
+std::string file_name(std::string text)
+{
+  std::replace_if(text.begin(), text.end(), [](char c) { return c == ' ' || c == ','; }, '_');
+  return text;
+}
+
+}  // namespace
+
+Figure error_over(const std::vector<AccuracyResult>& results, const std::string& group, const std::string& title,
+                  const std::string& x, const std::string& scalar)
+{
+  Figure figure{file_name("accuracy_" + group + "_" + scalar), title + ", " + scalar, x, "relative error of B̂", true, true};
+  for (const auto& [variant, look] : looks) {
+    Curve curve{variant, look, {}};
+    for (const AccuracyResult& result : results) {
+      if (result.scene.group != group) { continue; }
+      for (const Outcome& o : result.outcomes) {
+        if (o.scalar == scalar && o.variant == variant && o.refused < static_cast<int>(result.scene.states.size())) {
+          curve.points.push_back({result.scene.parameter, std::clamp(o.Bhat_error, 1e-20, 1e3)});
+        }
+      }
+    }
+    if (!curve.points.empty()) { figure.curves.push_back(curve); }
+  }
+  Curve data{"one ε in the data", {"#000000", 1, 3, 1}, {}};
+  for (const AccuracyResult& result : results) {
+    if (result.scene.group != group || !result.reference.failure.empty()) { continue; }
+    const double epsilons = std::ldexp(1.0, scalar == "float" ? 29 : scalar == "double" ? 0 : -11);
+    data.points.push_back({result.scene.parameter, epsilons * result.reference.worst(&Yardstick::Bhat_sensitivity)});
+  }
+  figure.curves.push_back(data);
+  return figure;
+}
+
+std::string draw_error_against_time(const AccuracyResult& result, const std::string& folder, bool& drawn)
+{
+  const std::string name = file_name("accuracy_time_" + result.scene.name);
+  std::vector<Point> all;
+  std::ostringstream data;
+  std::ostringstream plot;
+  data.precision(6);
+  for (const auto& [variant, colour] : colours) {
+    for (const auto& [scalar, point] : points) {
+      for (const Outcome& o : result.outcomes) {
+        if (o.variant != variant || o.scalar != scalar || !(o.time > 0) || o.refused > 0 || !(o.Bhat_error > 0)) { continue; }
+        all.push_back({o.time, o.Bhat_error});
+        const std::string block = "$p" + std::to_string(all.size());
+        data << block << " << END\n" << o.time << ' ' << o.Bhat_error << "\nEND\n";
+        plot << ", \\\n  " << block << " using 1:2 with points linecolor rgb '" << colour << "' pointtype " << point
+             << " pointsize 1.5 linewidth 2 " << (scalar == "double" ? "title \"" + variant + "\"" : "notitle");
+      }
+    }
+  }
+  // The front: nothing is both faster and more accurate.
+  std::vector<Point> front;
+  for (const Point& p : all) {
+    if (std::none_of(all.begin(), all.end(), [&](const Point& q) { return q.x < p.x && q.y < p.y; })) { front.push_back(p); }
+  }
+  std::sort(front.begin(), front.end(), [](const Point& a, const Point& b) { return a.x < b.x; });
+  std::ofstream out(std::filesystem::path(folder) / (name + ".gp"));
+  out.precision(6);
+  out << "set terminal svg size 1100,640 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
+      << "set encoding utf8\nset output '" << name << ".svg'\n"
+      << "set title \"Error against run time: " << result.scene.name << "   (▲ float, ● double, ■ long double)\"\n"
+      << "set xlabel \"time for q̈₀ and B̂ [µs]\"\nset ylabel \"relative error of B̂, worst state\"\n"
+      << "set key outside right center Left reverse samplen 1 spacing 1.25\nset border 3\nset tics nomirror\n"
+      << "set grid xtics ytics mytics linecolor rgb '#cccccc', linecolor rgb '#eeeeee'\n"
+      << "set logscale xy\nset format y '10^{%T}'\n$front << END\n";
+  for (const Point& p : front) { out << p.x << ' ' << p.y << '\n'; }
+  out << "END\n"
+      << data.str() << "plot $front using 1:2 with lines linecolor rgb '#999999' linewidth 5 title \"front\"" << plot.str()
+      << '\n';
+  out.close();
+  if (!out) { throw std::runtime_error("cannot write " + name + ".gp"); }
+  drawn = drawn && std::system(("cd '" + folder + "' && gnuplot " + name + ".gp > gnuplot.log 2>&1").c_str()) == 0;
+  if (drawn) { std::filesystem::remove(std::filesystem::path(folder) / "gnuplot.log"); }
+  return name;
+}
+
+}  // namespace bench

@@ -1,0 +1,170 @@
+// PART OF: iim_accuracy
+// Tables of errors.
+#include "accuracy_report.hpp"
+#include "table.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace bench {
+
+namespace {
+
+constexpr std::array<const char*, 3> scalars{"float", "double", "long double"};
+
+double epsilon_of(const std::string& scalar)
+{
+  return scalar == "float" ? std::ldexp(1.0, -23) : scalar == "double" ? std::ldexp(1.0, -52) : std::ldexp(1.0, -63);
+}
+
+/// An error, or the status in its place, or both.
+std::string cell(const Outcome& o, double value, std::size_t states)
+{
+  if (o.refused == static_cast<int>(states)) { return o.status; }
+  std::string text = magnitude(value);
+  if (o.refused > 0) { text += " (" + std::to_string(o.refused) + " of " + std::to_string(states) + " " + o.status + ")"; }
+  return text;
+}
+
+const std::vector<std::pair<std::string, std::string>> chosen{{"implicit inversion, printed", "printed"},
+                                                              {"implicit inversion, projected", "projected"},
+                                                              {"implicit inversion, square root", "square root"},
+                                                              {"body-fixed frames, printed", "body-fixed, printed"},
+                                                              {"body-fixed frames, projected", "body-fixed, projected"},
+                                                              {"common origin, printed", "common origin, printed"},
+                                                              {"branch-sparse Cholesky", "Cholesky"}};
+
+const Outcome* find(const AccuracyResult& result, const std::string& variant, const std::string& scalar)
+{
+  for (const Outcome& o : result.outcomes) {
+    if (o.scalar == scalar && (o.variant == variant || o.variant == "all")) { return &o; }
+  }
+  return nullptr;
+}
+
+std::string in_epsilon(const Bound::Worst& w, int states)
+{
+  if (w.state < 0) { return "refused"; }
+  std::string text = bench::text("%.3g", w.error) + " (" + bench::text("%.2g", w.sensitivity) + ")";
+  if (w.refused > 0) { text += ", " + std::to_string(w.refused) + " of " + std::to_string(states) + " refused"; }
+  return text;
+}
+
+}  // namespace
+
+void write_bounds(const std::vector<Bound>& bounds, Report& report)
+{
+  report.section("Worst of many states, in ε of the scalar");
+  report.paragraph("In brackets: what one ε in the data moves at that state. The reference is the square-root form in long double.");
+  for (const std::size_t scalar : {0u, 1u}) {
+    const std::string name = scalar == 0 ? "double" : "float";
+    Table table({"case, " + name, "states", "B̂ printed", "B̂ projected", "B̂ square root", "q̈₀ printed", "q̈₀ projected",
+                 "q̈₀ square root"});
+    for (const Bound& bound : bounds) {
+      std::vector<std::string> row{bound.name, std::to_string(bound.states)};
+      for (const auto& tier : bound.tiers[scalar]) { row.push_back(in_epsilon(tier.Bhat, bound.states)); }
+      for (const auto& tier : bound.tiers[scalar]) { row.push_back(in_epsilon(tier.qdd0, bound.states)); }
+      table.add(row);
+    }
+    report.table(table);
+  }
+}
+
+void write_time_table(const AccuracyResult& result, Report& report)
+{
+  const std::size_t states = result.scene.states.size();
+  report.paragraph("Condition number of M up to " + magnitude(result.reference.worst(&Yardstick::condition)) +
+                   "; one ε of double in the data moves B̂ by up to " +
+                   magnitude(result.reference.worst(&Yardstick::Bhat_sensitivity)) + " and q̈₀ by up to " +
+                   magnitude(result.reference.worst(&Yardstick::qdd0_sensitivity)) + ".");
+  const Outcome* printed = find(result, "implicit inversion, printed", "double");
+  Table table({"variant", "scalar", "time [µs]", "× printed, double", "error of B̂", "componentwise", "residual [ε]",
+               "error of q̈₀"});
+  for (const Outcome& o : result.outcomes) {
+    table.add({o.variant, o.scalar, three_digits(o.time), three_digits(o.time / printed->time),
+               cell(o, o.Bhat_error, states), cell(o, o.componentwise, states),
+               cell(o, o.residual, states), cell(o, o.qdd0_error, states)});
+  }
+  report.table(table);
+}
+
+void write_overview(const std::vector<AccuracyResult>& results, const std::string& group, Report& report)
+{
+  for (const char* scalar : scalars) {
+    for (const bool of_Bhat : {true, false}) {
+      std::vector<std::string> head{std::string(of_Bhat ? "error of B̂, " : "error of q̈₀, ") + scalar, "cond(M)", "one ε in the data"};
+      for (const auto& [variant, name] : chosen) { head.push_back(name); }
+      Table table(head);
+      for (const AccuracyResult& result : results) {
+        if (result.scene.group != group) { continue; }
+        const double epsilons = epsilon_of(scalar) / epsilon_of("double");
+        const AccuracyReference& reference = result.reference;
+        std::vector<std::string> row{result.scene.name};
+        const bool exists = reference.failure.empty();
+        row.push_back(exists ? magnitude(reference.worst(&Yardstick::condition)) : "–");
+        row.push_back(exists ? magnitude(epsilons * reference.worst(of_Bhat ? &Yardstick::Bhat_sensitivity
+                                                                            : &Yardstick::qdd0_sensitivity))
+                             : reference.failure);
+        for (const auto& [variant, name] : chosen) {
+          const Outcome* o = find(result, variant, scalar);
+          row.push_back(cell(*o, of_Bhat ? o->Bhat_error : o->qdd0_error, result.scene.states.size()));
+        }
+        table.add(row);
+      }
+      report.table(table);
+    }
+  }
+}
+
+void write_failures(const std::vector<AccuracyResult>& results, Report& report)
+{
+  report.paragraph("Who fails, and how. «Wrong»: more than 100 times what one ε of the scalar in the data does at the same "
+                   "state, for B̂ or q̈₀; behind it the worst factor. A status is no failure.");
+  Table table({"scene", "scalar", "wrong", "answers by status"});
+  for (const AccuracyResult& result : results) {
+    if (result.scene.group != "extreme" && result.scene.group != "mass ratio") { continue; }
+    const std::size_t states = result.scene.states.size();
+    for (const char* scalar : scalars) {
+      std::string wrong;
+      std::map<std::string, int> refused;
+      int all = 0;
+      for (const Outcome& o : result.outcomes) {
+        if (o.scalar != scalar) { continue; }
+        ++all;
+        const double excess = std::max(o.Bhat_excess, o.qdd0_excess);
+        if (o.refused < static_cast<int>(states) && !(excess <= 100)) {
+          wrong += (wrong.empty() ? "" : "; ") + o.variant + " " + text("%.0e", excess);
+        }
+        if (o.refused == static_cast<int>(states)) { ++refused[o.status]; }
+        if (o.refused > 0 && o.refused < static_cast<int>(states)) { ++refused["at some states " + o.status]; }
+      }
+      std::string status;
+      for (const auto& [text, count] : refused) {
+        status += (status.empty() ? "" : "; ") + (count == all ? "all" : std::to_string(count)) + ": " + text;
+      }
+      table.add({result.scene.name, scalar, wrong.empty() ? "–" : wrong, status.empty() ? "–" : status});
+    }
+  }
+  report.table(table.left());
+}
+
+void write_details(const std::vector<AccuracyResult>& results, const std::string& group, Report& report)
+{
+  for (const AccuracyResult& result : results) {
+    if (result.scene.group != group) { continue; }
+    const std::size_t states = result.scene.states.size();
+    const bool exists = result.reference.failure.empty();
+    report.paragraph(result.scene.name + ": " + std::to_string(states) + " states, " +
+                     (exists ? "condition number of M up to " + magnitude(result.reference.worst(&Yardstick::condition))
+                             : "exactly: " + result.reference.failure) + ".");
+    Table table({"variant", "scalar", "error of B̂", "× data", "componentwise", "residual [ε]", "error of q̈₀", "× data"});
+    for (const Outcome& o : result.outcomes) {
+      table.add({o.variant, o.scalar, cell(o, o.Bhat_error, states), magnitude(o.Bhat_excess), magnitude(o.componentwise),
+                 magnitude(o.residual), magnitude(o.qdd0_error), magnitude(o.qdd0_excess)});
+    }
+    report.table(table);
+  }
+}
+
+}  // namespace bench
