@@ -4,6 +4,7 @@
 #include "accuracy_digits.hpp"
 #include "accuracy_mass_matrix.hpp"
 #include "accuracy_perturbed.hpp"
+#include "table.hpp"
 
 #include <iim/recursive_inverse.hpp>
 #include <iim/unit_force.hpp>
@@ -94,7 +95,7 @@ AccuracyReference accuracy_reference(const AccuracyScene& scene)
       const double apart = apart_from_the_paper(scene, parts, x, values);
       // 80 digits less those that the worst mass matrix of the scenes, of condition 10²⁶, costs.
       if (!(apart < 1e-50)) {
-        throw std::runtime_error(scene.name + ": the two references differ by " + std::to_string(apart));
+        throw std::runtime_error(scene.name + ": the two references differ by " + text("%.1e", apart));
       }
     }
     Yardstick y;

@@ -121,15 +121,24 @@ Parts geared(const Parts& arm, double ratio, double rotor_inertia)
   return result;
 }
 
-/// A chain whose joint axes nearly coincide in pairs: `apart` [m] and [rad].
-Parts near_coincident(Index n, double apart)
+/// A chain whose joint axes nearly coincide in pairs, 2⁻²⁰ m and rad apart, askew.
+Parts near_coincident(Index n)
 {
+  const double apart = std::ldexp(1.0, -20);
   Parts parts;
   const Parts before = chain(n, [=](Index i) { return Rod{1, i % 2 == 0 ? apart : 1.0, static_cast<int>(i / 2 % 2)}; });
+  Index i = 0;
   for (const auto& part : before.parts()) {
-    auto on = part.on;
-    on.R = Eigen::AngleAxisd(apart, Vec3(1, 2, 3).normalized()).toRotationMatrix();
-    std::visit([&](const auto& s) { parts.add(part.name, on, s); }, part.part);
+    std::visit(
+        [&](auto s) {
+          if constexpr (std::is_same_v<decltype(s), Link>) {
+            s.joint.axis((i / 2 + 1) % 2) = apart * static_cast<double>(i % 3 - 1);
+            s.joint.axis(2) = apart * static_cast<double>(i % 2);
+          }
+          parts.add(part.name, part.on, s);
+        },
+        part.part);
+    ++i;
   }
   return parts;
 }
@@ -200,7 +209,7 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
   extreme("load 1e9 kg on a 10 mm wrist", loaded_arm(1e9, 0.01));
   extreme("parallel axes, 20 links", chain(20, [](Index) { return Rod{1, 1, 1}; }));
   extreme("near-coincident axes: 1e-6 m apart, 8 links", chain(8, [](Index i) { return Rod{1, i % 2 == 0 ? 1e-6 : 1.0, 1}; }));
-  extreme("near-coincident axes in pairs, 1e-6 m and rad, 8 links", near_coincident(8, 1e-6));
+  extreme("near-coincident axes in pairs, 1e-6 m and rad, 8 links", near_coincident(8));
   extreme("gear ratio 1000, rotor 1e6 times the arm", geared(loaded_arm(1), 1e3, 1e-2));
   extreme("gear ratio 1000, rotor as the arm", geared(loaded_arm(1), 1e3, 1e-8));
   // Rotor and arm turn together: A' = ΘJ(1 − ratio)² / (Θ + J ratio²) is all that the parent feels of them.
