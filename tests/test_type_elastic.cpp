@@ -44,7 +44,7 @@ TEST_CASE("An elastic motor-arm obeys the laws")
   const LawReport report = check_laws(random_drive(random));
   INFO(report.text());
   CHECK(report.ok());
-  CHECK(report.laws.size() == 10);
+  CHECK(report.laws.size() == 11);
 }
 
 TEST_CASE("An elastic drive is a rotor and an arm with a spring between them")

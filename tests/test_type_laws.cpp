@@ -74,7 +74,7 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   const LawReport sound = report_of(Defect::none);
   INFO(sound.text());
   CHECK(sound.ok());
-  CHECK(sound.laws.size() == 10);
+  CHECK(sound.laws.size() == 11);
 
   CHECK(broken(report_of(Defect::asymmetric_spring)) == std::vector<std::string>{"stored energy"});
   CHECK(broken(report_of(Defect::leak)) == std::vector<std::string>{"stored energy"});

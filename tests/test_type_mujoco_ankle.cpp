@@ -50,7 +50,7 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
     const Attachment<double> on = random_attachment(random, "base"), load_on = random_attachment(random, "foot");
     const Placement<double> at{on.R, on.p};
 
-    // A rotor of 0.3 kg turns about its axis of symmetry: what does not spin is of the shank here.
+    // A rotor of 0.3 kg, a little thicker than the disc that turns in the ankle: what does not spin is of the shank there.
     FrameMass<double> whole;
     whole.add(shank);
     std::vector<MujocoPart> parts{{"base", "", {}, {{"hinge", base_axis}}, shank},
@@ -61,13 +61,12 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
     for (std::size_t j = 0; j < 2; ++j) {
       const auto& r = m.rod[j];
       const std::string number = std::to_string(j), crank = "crank" + number, rod = "rod" + number;
-      const Mat3 along = r.axis * r.axis.transpose();
-      const Mat3 rest = r.rotor_inertia * (Mat3::Identity() - along);
+      const Mat3 along = r.axis * r.axis.transpose(), across_axis = r.rotor_inertia * (Mat3::Identity() - along);
       const Placement<double> hinge = at * Placement<double>{Mat3::Identity(), r.hinge};
-      whole.add({0.3, hinge.p, on.R * rest * on.R.transpose(), false});
+      whole.add({0.3, hinge.p, on.R * (0.1 * across_axis) * on.R.transpose(), false});
       parts.push_back({crank, "base", hinge, {{"hinge", r.axis}}, ankle.body[j + 1]});
       parts.push_back({"rotor" + number, "base", hinge, {{"hinge", r.axis}},
-                       {0.3, Vec3::Zero(), r.rotor_inertia * along + rest, false}});
+                       {0.3, Vec3::Zero(), r.rotor_inertia * along + 0.6 * across_axis, false}});
       // The rod along z of its frame at zero, on a universal joint; MuJoCo wants it to have some inertia about itself.
       const Mat3 turn = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), r.foot - r.hinge - r.crank).toRotationMatrix();
       const double across = r.rod_mass * r.rod * r.rod / 12;

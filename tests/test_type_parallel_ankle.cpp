@@ -58,7 +58,11 @@ TEST_CASE("A parallel ankle is a cut tree with Lagrange multipliers")
     const RevoluteLink<double> base{{random.unit()}, random.body()}, load{{random.unit()}, random.body()};
     const Attachment<double> on = random_attachment(random, "base"), load_on = random_attachment(random, "foot");
     Parts closed, open;
-    closed.add("base", {}, base).add("foot", on, ankle).add("load", load_on, load);
+    FrameMass<double> shank;  // the rotors of 0.3 kg are parts of it in the closed tree
+    shank.add(base.body);
+    for (const auto& r : m.rod) { shank.add({0.3, on.R * r.hinge + on.p, Mat3::Zero(), false}); }
+    closed.add("base", {}, RevoluteLink<double>{base.joint, {shank.mass, shank.com, shank.central_inertia, false}});
+    closed.add("foot", on, ankle).add("load", load_on, load);
 
     Eigen::Vector4d q, qd;
     for (Index j = 0; j < 4; ++j) {
@@ -80,7 +84,7 @@ TEST_CASE("A parallel ankle is a cut tree with Lagrange multipliers")
     for (std::size_t j = 0; j < 2; ++j) {
       const auto& r = m.rod[j];
       const std::string crank = "crank" + std::to_string(j), rod = "rod" + std::to_string(j);
-      const Motor<double> motor{r.gear_ratio, r.rotor_inertia, r.axis, 0, Vec3::Zero(), 0, false};
+      const Motor<double> motor{r.gear_ratio, r.rotor_inertia, r.axis, 0.3, Vec3::Zero(), r.rotor_inertia / 2, false};
       open.add(crank, {"base", on.R, on.R * r.hinge + on.p, 0}, MotorArm<double>{{r.axis}, ankle.body[j + 1], motor});
       // Rod along z of a universal joint, whose z is the rod for zero angles.
       Mat3 turn;

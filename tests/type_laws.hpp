@@ -17,8 +17,8 @@ void obeys_the_laws(const std::string& name, const S& part, const LawOptions<S>&
   const LawReport report = check_laws(part, options);
   INFO(name << ", seed " << options.seed << "\n" << report.text());
   CHECK(report.ok());
-  // Inertia, velocity, acceleration, recursion, equations, power, linear in u, invariance, static tree.
-  CHECK(report.laws.size() == (S::n_i > 0 ? 9 : 8) + stored);
+  // Inertia, velocity, acceleration, recursion, equations, power, linear in u, invariance, static tree, square root.
+  CHECK(report.laws.size() == (S::n_i > 0 ? 10 : 9) + stored);
 }
 
 }  // namespace iim::test

@@ -18,6 +18,7 @@
 //     linear in u        q̈(u) = q̈₀ + B̂u
 //     invariance         turning and moving robot and gravity together changes nothing
 //     static tree        StaticTree and DynamicTree agree
+//     square root        Update::square_root, which takes bodies by their principal axes, agrees with the default
 #pragma once
 
 #include <iim/iim.hpp>
@@ -103,6 +104,7 @@ public:
         turned_(parts_.elsewhere, S::n_frames),
         slim_(parts_.slim, 1),
         fixed_(parts_.slim, 1),
+        root_ws_(robot_.tree),
         part_(part),
         node_(robot_.tree.node(number))
   {
@@ -134,15 +136,21 @@ private:
       report_.failure = "state " + std::to_string(at_) + ", q_i = " + to_text(q_i) + ": " + to_string(answer.status);
       return;
     }
-    hold("linear in u", apart(Vec(answer.qdd0 + answer.Bhat * u_), qdd), options_.tolerance);
+    const Vec qdd0 = answer.qdd0;
+    const Mat Bhat = answer.Bhat;  // the next answer comes in the same memory
+    hold("linear in u", apart(Vec(qdd0 + Bhat * u_), qdd), options_.tolerance);
     const auto turned = turned_.method(forward_dynamics(q_, qd_, turned_.ws));
-    hold("invariance", apart(turned.qdd0, answer.qdd0), options_.tolerance);
-    hold("invariance", apart(turned.Bhat, answer.Bhat), options_.tolerance);
+    hold("invariance", apart(turned.qdd0, qdd0), options_.tolerance);
+    hold("invariance", apart(turned.Bhat, Bhat), options_.tolerance);
     const Vec q = q_.segment(number - 1, S::n_q + 2), qd = qd_.segment(number - 1, S::n_i + 2);
     const auto slim = slim_.method(forward_dynamics(q, qd, slim_.ws));
     const auto fixed = fixed_.method(forward_dynamics(q, qd, fixed_.ws));
     hold("static tree", apart(fixed.qdd0, slim.qdd0), options_.tolerance);
     hold("static tree", apart(fixed.Bhat, slim.Bhat), options_.tolerance);
+
+    const auto root = robot_.method(forward_dynamics(q_, qd_, root_ws_));
+    hold("square root", apart(root.qdd0, qdd0), options_.tolerance);
+    hold("square root", apart(root.Bhat, Bhat), options_.tolerance);
 
     std::vector<SubsystemMatrices<double>> subsystems;
     for (Index i = 0; i < tree.size(); ++i) { subsystems.push_back(subsystem_matrices(receipt, i)); }
@@ -369,6 +377,7 @@ private:
   LawParts<S> parts_;
   LawRobot<Tree> robot_, turned_, slim_;
   LawRobot<Static> fixed_;
+  Workspace<Tree, Update::square_root> root_ws_;
   S part_;
   const std::remove_cvref_t<decltype(std::declval<const Tree&>().node(0))>& node_;
   Vec q_, qd_, u_;

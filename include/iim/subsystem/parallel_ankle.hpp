@@ -22,7 +22,7 @@ struct PushRod {
   Scalar side = Scalar(1);  ///< of the two crank angles, that with ∂rod/∂angle > 0 (1) or < 0 (−1)
   Scalar rod_mass = Scalar(0);                       ///< uniform and slender [kg]
   Scalar gear_ratio = Scalar(1);                     ///< rotor rate per crank rate
-  Scalar rotor_inertia = Scalar(0);                  ///< about the axis [kg m²]; mass and the rest: in the shank's body
+  Scalar rotor_inertia = Scalar(0);  ///< about the axis [kg m²], a disc's: half of it about the others; its mass: the shank's
 };
 
 /// Foot on a universal joint at the coupling point (first axis fixed in the inlet, the shank), held by two push-rods. q:
@@ -119,7 +119,7 @@ struct ParallelAnkleLinkage {
       Body<Scalar> rotor = Body<Scalar>::massless();
       if (r.rotor_inertia > Scalar(0)) {
         rotor.is_massless = false;
-        rotor.inertia = r.rotor_inertia * (r.axis * r.axis.transpose());
+        rotor.inertia = r.rotor_inertia / Scalar(2) * (Matrix3<Scalar>::Identity() + r.axis * r.axis.transpose());
       }
       all[4 * k + 3] = {at + 3, rotor};
     }
