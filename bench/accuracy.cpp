@@ -54,7 +54,8 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
       "‖M b̂ − b‖₁ / (‖M‖₁ ‖b̂‖₁ ε) as LAPACK's tests scale it (there 30 passes), the worst column. «One ε in the data» is how far the "
       "exact result moves if every number of the model, of q and of q̇ moves by at most one ε of the scalar (random): no "
       "algorithm can be expected to stay below it. A status in place of a number is what the variant returned instead "
-      "of a result. Body-fixed and common frames are bench/frame_conventions.hpp, B̂ by unit forces.");
+      "of a result. Body-fixed and common frames are bench/frame_conventions.hpp, B̂ by unit forces; they are written "
+      "plainly, so that their errors can be compared with the library's, their times only with each other.");
   for (const AccuracyResult& result : results) {
     if (!result.scene.timed) { continue; }
     report.section(result.scene.name);
@@ -98,7 +99,7 @@ void run(const Options& options)
   const auto append = [&](std::vector<Figure> more) { figures.insert(figures.end(), more.begin(), more.end()); };
   if (options.wants("known")) { append(known_experiments(options.quick, report)); }
   if (options.wants("runs")) { append(long_runs(options.quick, report)); }
-  drawn = draw(figures, folder) && drawn;
+  drawn = draw_in_powers(figures, options.out) && drawn;
   if (!drawn) { report.paragraph("gnuplot is absent: the figures are left as .gp files."); }
 }
 

@@ -45,7 +45,37 @@ std::string file_name(std::string text)
   return text;
 }
 
+/// Runs gnuplot on NAME.gp in the folder.
+bool run_gnuplot(const std::string& folder, const std::string& name)
+{
+  const bool drawn = std::system(("cd '" + folder + "' && gnuplot " + name + ".gp > gnuplot.log 2>&1").c_str()) == 0;
+  if (drawn) { std::filesystem::remove(std::filesystem::path(folder) / "gnuplot.log"); }
+  return drawn;
+}
+
+void write(const std::string& folder, const std::string& name, const std::string& text)
+{
+  std::ofstream out(std::filesystem::path(folder) / (name + ".gp"));
+  out << text;
+  out.close();
+  if (!out) { throw std::runtime_error("cannot write " + name + ".gp"); }
+}
+
 }  // namespace
+
+bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folder)
+{
+  bool drawn = true;
+  for (const Figure& figure : figures) {
+    std::string text = gnuplot_text(figure);
+    const std::string powers = std::string("set format y '10^{%T}'\n") +
+                               (figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "");
+    text.insert(text.rfind("\nplot ") + 1, powers);
+    write(folder, figure.file, text);
+    drawn = drawn && run_gnuplot(folder, figure.file);
+  }
+  return drawn;
+}
 
 Figure error_over(const std::vector<AccuracyResult>& results, const std::string& group, const std::string& title,
                   const std::string& x, const std::string& scalar)
@@ -98,7 +128,7 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
     if (std::none_of(all.begin(), all.end(), [&](const Point& q) { return q.x < p.x && q.y < p.y; })) { front.push_back(p); }
   }
   std::sort(front.begin(), front.end(), [](const Point& a, const Point& b) { return a.x < b.x; });
-  std::ofstream out(std::filesystem::path(folder) / (name + ".gp"));
+  std::ostringstream out;
   out.precision(6);
   out << "set terminal svg size 1100,640 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
       << "set encoding utf8\nset output '" << name << ".svg'\n"
@@ -111,10 +141,8 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
   out << "END\n"
       << data.str() << "plot $front using 1:2 with lines linecolor rgb '#999999' linewidth 5 title \"front\"" << plot.str()
       << '\n';
-  out.close();
-  if (!out) { throw std::runtime_error("cannot write " + name + ".gp"); }
-  drawn = drawn && std::system(("cd '" + folder + "' && gnuplot " + name + ".gp > gnuplot.log 2>&1").c_str()) == 0;
-  if (drawn) { std::filesystem::remove(std::filesystem::path(folder) / "gnuplot.log"); }
+  write(folder, name, out.str());
+  drawn = drawn && run_gnuplot(folder, name);
   return name;
 }
 

@@ -39,6 +39,9 @@ Figure error_over(const std::vector<AccuracyResult>& results, const std::string&
 /// Returns NAME; `drawn` becomes false if there is no gnuplot.
 std::string draw_error_against_time(const AccuracyResult& result, const std::string& folder, bool& drawn);
 
+/// Writes NAME.gp of every figure, its axes in powers of ten, and NAME.svg. False if there is no gnuplot.
+bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folder);
+
 /// Condition numbers of mass matrices after Featherstone, and accuracy by elimination after Ascher, Pai, Cloutier.
 std::vector<Figure> known_experiments(bool quick, Report& report);
 
