@@ -108,9 +108,12 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
   const std::string name = file_name("accuracy_time_" + result.scene.name);
   std::vector<Point> all;
   std::ostringstream data;
+  std::ostringstream key;
   std::ostringstream plot;
   data.precision(6);
-  for (const auto& [variant, colour] : colours) {
+  // The first variants last, and smaller: points that coincide show as rings.
+  for (auto look = colours.rbegin(); look != colours.rend(); ++look) {
+    const auto& [variant, colour] = *look;
     for (const auto& [scalar, point] : points) {
       for (const Outcome& o : result.outcomes) {
         if (o.variant != variant || o.scalar != scalar || !(o.time > 0) || o.refused > 0 || !(o.Bhat_error > 0)) { continue; }
@@ -118,9 +121,12 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
         const std::string block = "$p" + std::to_string(all.size());
         data << block << " << END\n" << o.time << ' ' << o.Bhat_error << "\nEND\n";
         plot << ", \\\n  " << block << " using 1:2 with points linecolor rgb '" << colour << "' pointtype " << point
-             << " pointsize 1.5 linewidth 2 " << (scalar == "double" ? "title \"" + variant + "\"" : "notitle");
+             << " pointsize " << (variant.rfind("implicit", 0) == 0 ? 1.0 : 1.6) << " notitle";
       }
     }
+  }
+  for (const auto& [variant, colour] : colours) {
+    key << ", \\\n  keyentry with points linecolor rgb '" << colour << "' pointtype 7 pointsize 1.4 title \"" << variant << '"';
   }
   // The front: nothing is both faster and more accurate.
   std::vector<Point> front;
@@ -139,7 +145,7 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
       << "set logscale xy\nset format y '10^{%T}'\n$front << END\n";
   for (const Point& p : front) { out << p.x << ' ' << p.y << '\n'; }
   out << "END\n"
-      << data.str() << "plot $front using 1:2 with lines linecolor rgb '#999999' linewidth 5 title \"front\"" << plot.str()
+      << data.str() << "plot $front using 1:2 with lines linecolor rgb '#999999' linewidth 5 title \"front\"" << key.str() << plot.str()
       << '\n';
   write(folder, name, out.str());
   drawn = drawn && run_gnuplot(folder, name);

@@ -90,6 +90,10 @@ AccuracyReference accuracy_reference(const AccuracyScene& scene)
       reference.failure = iim::to_string(result.status);
       return reference;
     }
+    if (!result.Bhat.template cast<double>().allFinite()) {
+      reference.failure = "beyond double";
+      return reference;
+    }
     const ExactState values{result.qdd0, result.Bhat, exact.M(), exact.B()};
     if (k == 0 && exact.tree.n_v() <= 64) {
       const double apart = apart_from_the_paper(scene, parts, x, values);

@@ -217,7 +217,9 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
           geared(chain(6, [](Index i) { return Rod{i % 2 == 0 ? 1e-6 : 1.0, 0.4, 2}; }), 1 + 1e-6, 1e-2));
   extreme("speeds of 1e3 rad/s", loaded_arm(1), 1e3);
   extreme("masses of 1e300 kg", chain(5, [](Index i) { return Rod{1e300, 1, static_cast<int>(i % 2)}; }));
-  extreme("masses of 1e-308 kg", chain(5, [](Index i) { return Rod{1e-308, 1, static_cast<int>(i % 2)}; }));
+  extreme("masses of 1e-306 kg, subnormal thin moments",
+          chain(5, [](Index i) { return Rod{1e-306, 1, static_cast<int>(i % 2)}; }));
+  extreme("masses of 1e-310 kg: B̂ is no double", chain(5, [](Index i) { return Rod{1e-310, 1, static_cast<int>(i % 2)}; }));
   extreme("masses of 1e-300 kg", chain(5, [](Index i) { return Rod{1e-300, 1, static_cast<int>(i % 2)}; }));
   {
     Parts parts = chain(4, [](Index i) { return Rod{1, 1, static_cast<int>(i % 2)}; });

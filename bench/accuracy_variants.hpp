@@ -66,7 +66,11 @@ Outcome outcome_of(const std::string& variant, const char* scalar, const Accurac
     } else if (k < reference.values.size()) {
       measure<Scalar>(result, reference.values[k], reference.yardsticks[k], outcome);
     } else {
-      outcome.Bhat_error = outcome.qdd0_error = std::numeric_limits<double>::infinity();  // a result that cannot be
+      // A result where there is none, or one that double cannot hold.
+      const bool exists = reference.failure == "beyond double";
+      outcome.Bhat_error = outcome.qdd0_error =
+          exists ? std::numeric_limits<double>::quiet_NaN() : std::numeric_limits<double>::infinity();
+      outcome.Bhat_excess = exists ? 0 : outcome.Bhat_error;
     }
   }
   if (scene.timed) {
