@@ -14,6 +14,7 @@ sh cmake/run.sh VERB [-- further arguments]
   test       builds and runs every test (further arguments go to ctest, for example -R urdf)
   peers      compares with other libraries, those that this machine has; leaves build/report/
   accuracy   error by scalar, update and model; leaves build/report/
+  types      what each type of subsystem costs, and a legged machine by all methods; leaves build/report/
   setup VERB [clang]   only installs what VERB needs (and clang++)
   help       this text
 
@@ -141,13 +142,14 @@ needs_of() {  # what VERB cannot do without
     test) echo cmake compiler maker eigen catch2 ;;
     tables) echo cmake compiler maker eigen benchmark boost ;;
     peers | accuracy) echo cmake compiler maker eigen benchmark boost ;;
+    types) echo cmake compiler maker eigen ;;
     *) die "there is no verb '$1' (sh cmake/run.sh help)" ;;
   esac
 }
 
 wants_of() {  # what VERB does less without
   case $1 in
-    test) echo boost urdf json ;;
+    test) echo boost urdf json mujoco ;;
     tables | accuracy) echo gnuplot ;;
     peers) echo gnuplot urdf mujoco dart simbody kdl ;;
   esac
@@ -293,6 +295,7 @@ case $verb in
   tables) run_program tables iim_tables "$@" ;;
   peers) run_program peers iim_peers "$@" ;;
   accuracy) run_program accuracy iim_accuracy "$@" ;;
+  types) run_program types iim_types "$@" ;;
   help | -h | --help) help ;;
   *) help >&2; die "there is no verb '$verb'" ;;
 esac
