@@ -158,9 +158,10 @@ int main()
     const Eigen::PartialPivLU<MatrixXd> Bhat(dynamics.Bhat);
     const VectorXd qdd0 = dynamics.qdd0;
 
+    const double size = spread * std::min(1.0, (q - target).norm() + 0.1);  // finer as the target comes near
     MatrixXd deviation = MatrixXd::Zero(n, samples);
     for (std::size_t t = 0; t < accelerations.size(); ++t) {
-      deviation = 0.8 * deviation + 0.6 * spread * MatrixXd::NullaryExpr(n, samples, [&] { return normal(bits); });
+      deviation = 0.8 * deviation + 0.6 * size * MatrixXd::NullaryExpr(n, samples, [&] { return normal(bits); });
       deviation.col(0).setZero();  // the plan itself
       accelerations[t] = deviation.colwise() + plan.col(static_cast<Index>(t));
       torques[t] = Bhat.solve(accelerations[t].colwise() - qdd0);
