@@ -12,9 +12,8 @@
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
-#include <iim/forward_dynamics.hpp>
 #include <iim/input_matrix.hpp>
-#include <iim/inward.hpp>
+#include <iim/internal_inertia.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>

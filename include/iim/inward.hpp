@@ -1,12 +1,13 @@
 // The inward loop of the O(n) pass for one subsystem, (14)–(17): what the tree beyond a coupling point looks like from
-// there. In matrix form (Update::printed, projected) and in square-root form (Update::square_root).
+// there. In matrix form (Update::printed, projected); in square-root form: inward_root.hpp.
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
+#include <iim/internal_inertia.hpp>
+#include <iim/inward_root.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
-#include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -14,76 +15,6 @@
 #include <cstddef>
 
 namespace iim::detail {
-
-/// A rotor in motion. World axes.
-template <class S>
-struct SpunRotor {
-  using Scalar = typename S::Scalar;
-  Vector3<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};       ///< axis; zero for an armature
-  Eigen::Matrix<Scalar, S::n_i, 1> e;                       ///< spin relative to the inlet per q̇_i
-  Scalar J;                                                 ///< axial inertia
-  Scalar bias{0};                                           ///< what a·V̇ of the carrier is for y = 0 and q̈_i = 0
-  Vector3<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};  ///< of the spin turning with its carrier
-};
-
-template <Scene scene, class S, class N, class RotorType, class Workspace>
-[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const N& node, const RotorType& rotor, const NodeState<S>& state,
-                                                      const Workspace& ws)
-{
-  using Scalar = typename S::Scalar;
-  SpunRotor<S> spun;
-  spun.e = rotor.ratio.transpose();
-  spun.J = rotor.inertia;
-  if (!rotor.coupled) { return spun; }
-  const bool on_inlet = rotor.frame < 0;
-  spun.a = times(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
-  if (!on_inlet) {
-    const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
-    for (int d = 0; d < S::n_i; ++d) {
-      for (int i = 0; i < 3; ++i) { spun.e(d) += S_k(i + 3, d) * spun.a(i); }
-    }
-  }
-  if constexpr (scene.velocity) {
-    Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
-    if (!on_inlet) {
-      const FrameState<Scalar>& f = ws.frame(node.frame + rotor.frame);
-      omega = f.omega;
-      for (int i = 0; i < 3; ++i) { spun.bias += spun.a(i) * f.bias(i + 3); }
-    } else if (node.inlet >= 0) {
-      omega = ws.frame(node.inlet).omega;
-    }
-    // Spin momentum J (a·ω + ratio q̇) a turns with the carrier.
-    Scalar spin = spun.a(0) * omega(0) + spun.a(1) * omega(1) + spun.a(2) * omega(2);
-    for (int d = 0; d < S::n_i; ++d) { spin += rotor.ratio(d) * state.qd(d); }
-    spin *= spun.J;
-    spun.moment = cross(omega, spun.a);
-    for (int i = 0; i < 3; ++i) { spun.moment(i) *= spin; }
-  }
-  return spun;
-}
-
-/// The moment of a turning spin momentum on the guidance part and, if the carrier moves with q_i, on q_i.
-template <class S, class RotorType>
-[[gnu::always_inline]] inline void add_gyroscopic(const SpunRotor<S>& spun, const RotorType& rotor,
-                                                  const NodeState<S>& state, Vector6<typename S::Scalar>& hg,
-                                                  Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
-{
-  for (int i = 0; i < 3; ++i) { hg(i + 3) += spun.moment(i); }
-  if (rotor.frame < 0) { return; }
-  const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
-  for (int d = 0; d < S::n_i; ++d) {
-    for (int i = 0; i < 3; ++i) { hq(d) += S_k(i + 3, d) * spun.moment(i); }
-  }
-}
-
-/// D += ratioᵀ inertia ratio.
-template <class Scalar, int n_i>
-[[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring, Eigen::Matrix<Scalar, n_i, n_i>& D)
-{
-  for (int d = 0; d < n_i; ++d) {
-    for (int e = 0; e < n_i; ++e) { D(e, d) += spring.ratio(e) * spring.inertia * spring.ratio(d); }
-  }
-}
 
 /// p += A (a; 0).
 template <class Scalar>
@@ -115,19 +46,6 @@ template <Scene scene, class S>
     }
   }
   return p;
-}
-
-/// C b for a root C of M̄_R⁻¹, and M̄_R⁻¹ b, are written out like this throughout: y = A x, n × n.
-template <class Scalar, int n>
-[[gnu::always_inline]] inline Eigen::Matrix<Scalar, n, 1> product(const Eigen::Matrix<Scalar, n, n>& A,
-                                                                  const Eigen::Matrix<Scalar, n, 1>& x)
-{
-  Eigen::Matrix<Scalar, n, 1> y;
-  for (int d = 0; d < n; ++d) {
-    y(d) = A(d, 0) * x(0);
-    for (int e = 1; e < n; ++e) { y(d) += A(d, e) * x(e); }
-  }
-  return y;
 }
 
 /// Matrix form: the bodies that a subsystem has on its inlet.
@@ -282,142 +200,6 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
   add(inlet.h, shift_wrench(state.r, hg));
   inlet.A.add_shifted(A, state.r);
-}
-
-/// Square-root form: the rows that are left, and those of bodies on the inlet, seen from the parent's point.
-template <Scene scene, class S, class N, class Workspace>
-void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool inlet_bodies, Workspace& ws)
-{
-  using Scalar = typename S::Scalar;
-  RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  constexpr int most = 12 + 6 * S::n_frames + rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
-  std::array<RootRow<Scalar>, most> stack;
-  int size = 0;
-  const auto push = [&](const RootRow<Scalar>& row) {
-    stack[static_cast<std::size_t>(size)] = row;
-    shift_row<scene.velocity>(stack[static_cast<std::size_t>(size++)], state.r, state.c);
-  };
-  for (int r = 0; r < inlet.rows; ++r) { stack[static_cast<std::size_t>(size++)] = inlet.row[static_cast<std::size_t>(r)]; }
-  for (int r = 0; r < count; ++r) { push(left[r]); }
-  if (const BodyRoot<Scalar>& body = ws.inlet_body(node.index); inlet_bodies && body.rows > 0) {
-    RootInertia<Scalar> own;
-    const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-    place_roots<scene.velocity>(body, state.R, at_inlet, ws.frame(node.inlet).omega, own);
-    for (int r = 0; r < own.rows; ++r) { push(own.row[static_cast<std::size_t>(r)]); }
-  }
-  inlet.rows = compress<most>(stack, size, inlet.row);
-}
-
-/// Square-root form: square_root.hpp.
-template <Scene scene, class S, class N, class Workspace>
-void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
-{
-  using std::abs;
-  using std::sqrt;
-  using Scalar = typename S::Scalar;
-  constexpr MotionPattern pattern = S::pattern;
-  constexpr int n_i = S::n_i;
-  constexpr int n_rotors = rotor_count<S>();
-  constexpr int most = 6 * S::n_frames + n_rotors + (scene.implicit ? spring_count<S>() : 0);
-  using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
-  NodeState<S>& state = ws.template node<S>(node);
-
-  // [v | N | z] over the frames, applied forces beside it.
-  std::array<VectorI, most> v;
-  std::array<RootRow<Scalar>, most> rows;
-  int count = 0;
-  Vector6<Scalar> hg;
-  VectorI hq, scale;
-  for (int d = 0; d < n_i; ++d) {
-    hq(d) = -ws.load()(node.v + d);
-    scale(d) = Scalar(0);
-  }
-  for (int k = 0; k < S::n_frames; ++k) {
-    const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-    const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-    for (int r = 0; r < N_k.rows; ++r, ++count) {
-      const auto at = static_cast<std::size_t>(count);
-      RootRow<Scalar>& n = rows[at];
-      n = N_k.row[static_cast<std::size_t>(r)];
-      for (int d = 0; d < n_i; ++d) {
-        v[at](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
-        for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
-      }
-      if constexpr (has_bias<scene, S>(0) || has_bias<scene, S>(3)) { subtract_known(n, f.bias); }
-    }
-    for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
-    if (k == 0) {
-      hg = f.h;
-    } else {
-      add(hg, f.h);
-    }
-  }
-  if constexpr (n_rotors > 0) {
-    const auto rotors = s.rotors();
-    for (std::size_t k = 0; k < n_rotors; ++k, ++count) {
-      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotors[k], state, ws);
-      const auto at = static_cast<std::size_t>(count);
-      const Scalar root = sqrt(spun.J);
-      const Scalar zero(0);
-      rows[at] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * spun.bias, zero;
-      for (int d = 0; d < n_i; ++d) {
-        v[at](d) = root * spun.e(d);
-        scale(d) += abs(v[at](d));
-      }
-      if constexpr (scene.velocity) { add_gyroscopic(spun, rotors[k], state, hg, hq); }
-    }
-  }
-  if constexpr (scene.implicit) {
-    for (const auto& spring : state.springs) {
-      const auto at = static_cast<std::size_t>(count++);
-      rows[at].setZero();
-      const Scalar root = sqrt(spring.inertia);
-      for (int d = 0; d < n_i; ++d) {
-        v[at](d) = root * spring.ratio(d);
-        scale(d) += abs(v[at](d));
-      }
-    }
-  }
-
-  Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
-  C.setZero();
-  if (!eliminate<n_i, Scalar, most>(v, rows, count, scale, C)) {
-    diagnosis.fail(Status::not_positive_definite, node.index);
-  }
-  for (int d = 0; d < n_i; ++d) {
-    for (int e = 0; e < n_i; ++e) {
-      state.MbarR_inv(d, e) = C(d, 0) * C(e, 0);
-      state.MbarR(d, e) = v[0](d) * v[0](e);
-      for (int k = 1; k < n_i; ++k) {
-        state.MbarR_inv(d, e) += C(d, k) * C(e, k);
-        state.MbarR(d, e) += v[static_cast<std::size_t>(k)](d) * v[static_cast<std::size_t>(k)](e);
-      }
-    }
-    for (int j = 0; j < 6; ++j) {
-      state.W(d, j) = C(d, 0) * rows[0](j);
-      state.U(j, d) = v[0](d) * rows[0](j);
-      for (int k = 1; k < n_i; ++k) {
-        state.W(d, j) += C(d, k) * rows[static_cast<std::size_t>(k)](j);
-        state.U(j, d) += v[static_cast<std::size_t>(k)](d) * rows[static_cast<std::size_t>(k)](j);
-      }
-    }
-  }
-  state.psi = product(state.MbarR_inv, hq);
-  for (int d = 0; d < n_i; ++d) {
-    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[static_cast<std::size_t>(k)](rhs); }
-  }
-  if constexpr (is_free<S>()) {
-    state.W = state.S_k[0].transpose();
-    return;  // nothing passes on
-  }
-  if (node.inlet < 0) { return; }
-  for (int j = 0; j < 6; ++j) {
-    for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
-  }
-  add(ws.frame(node.inlet).h, shift_wrench(state.r, hg));
-  stack_on_inlet<scene>(node, state, rows.data() + n_i, count - n_i, true, ws);
 }
 
 /// A subsystem without internal velocities hands on what it carries.

@@ -14,7 +14,7 @@
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
-#include <iim/body.hpp>
+#include <iim/body_root.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
@@ -29,85 +29,13 @@ template <class Scalar>
 using RootRow = Eigen::Array<Scalar, 8, 1>;
 inline constexpr int rhs = 6;  ///< lane of z
 
-/// N and z of what one frame carries.
+/// N and z of what one frame carries. Never more than six rows: with three subsystems' rows left as they are q̈₀ of a chain
+/// whose masses grow outward lost two digits, and with two, one.
 template <class Scalar>
 struct RootInertia {
-  std::array<RootRow<Scalar>, 6> row;
+  static constexpr int most = 6;
+  std::array<RootRow<Scalar>, most> row;
   int rows = 0;
-};
-
-/// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's rotations: small eigenvalues keep their own digits,
-/// and any Scalar with a square root will do.
-template <class Scalar>
-void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>& axes)
-{
-  using std::abs;
-  using std::sqrt;
-  const Scalar epsilon = Eigen::NumTraits<Scalar>::epsilon();
-  axes.setIdentity();
-  for (int sweep = 0; sweep < 32; ++sweep) {
-    bool diagonal = true;
-    for (int p = 0; p < 2; ++p) {
-      for (int q = p + 1; q < 3; ++q) {
-        if (!(abs(I(p, q)) > epsilon * sqrt(abs(I(p, p)) * abs(I(q, q))))) { continue; }
-        diagonal = false;
-        // t = tan of the angle that makes I(p, q) zero, the smaller of the two
-        const Scalar theta = (I(q, q) - I(p, p)) / (Scalar(2) * I(p, q));
-        const Scalar root = sqrt(theta * theta + Scalar(1));
-        const Scalar t = theta > Scalar(0) ? Scalar(1) / (theta + root) : Scalar(1) / (theta - root);
-        const Scalar c = Scalar(1) / sqrt(t * t + Scalar(1));
-        const Scalar s = t * c;
-        Matrix3<Scalar> J = Matrix3<Scalar>::Identity();
-        J(p, p) = c, J(q, q) = c, J(p, q) = s, J(q, p) = -s;
-        I = Matrix3<Scalar>(J.transpose() * I * J);
-        axes = Matrix3<Scalar>(axes * J);
-      }
-    }
-    if (diagonal) { break; }
-  }
-  moment = I.diagonal();
-}
-
-/// The rigid body that one frame carries, by its principal axes: constants of N_b and z_b.
-template <class Scalar>
-struct BodyRoot {
-  Scalar root_mass = Scalar(0);                       ///< √m
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< in the frame
-  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame
-  Vector3<Scalar> root_moment = Vector3<Scalar>::Zero();  ///< √θ, zeros last
-  Vector3<Scalar> gyration = Vector3<Scalar>::Zero();     ///< (θ_j − θ_i) / √θ_k, k, i, j cyclic
-  int rows = 0;
-
-  BodyRoot() = default;
-  explicit BodyRoot(const FrameMass<Scalar>& body)
-  {
-    using std::sqrt;
-    if (!body.present) { return; }
-    root_mass = sqrt(body.mass);
-    com = body.com;
-    Vector3<Scalar> moment = body.central_inertia.diagonal();
-    const Matrix3<Scalar> diagonal = moment.asDiagonal();
-    if (body.central_inertia != diagonal) {
-      principal_axes(body.central_inertia, moment, axes);
-    }
-    for (int pass = 0; pass < 2; ++pass) {  // largest first
-      for (int k = 0; k < 2; ++k) {
-        if (moment(k) < moment(k + 1)) {
-          std::swap(moment(k), moment(k + 1));
-          axes.col(k).swap(axes.col(k + 1));
-        }
-      }
-    }
-    axes.col(2) = axes.col(0).cross(axes.col(1));
-    rows = 3;
-    for (int k = 0; k < 3; ++k) {
-      if (moment(k) > Scalar(0)) {
-        root_moment(k) = sqrt(moment(k));
-        gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
-        ++rows;
-      }
-    }
-  }
 };
 
 /// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ).
@@ -184,28 +112,51 @@ template <class Scalar>
   return at;
 }
 
-/// Σ_r rows[r] f(r) in two chains: one would wait for every sum.
+/// Rows are worked on four at a time, so that no sum waits for another: rows behind `count` are zero up to the next four.
+inline constexpr int abreast = 4;
+
+/// Σ_r rows[r] f(r).
 template <class Scalar, class Factor>
 [[gnu::always_inline]] inline RootRow<Scalar> weighted_sum(const RootRow<Scalar>* rows, int count, Factor&& factor)
 {
-  RootRow<Scalar> even = rows[0] * factor(0);
-  if (count == 1) { return even; }
-  RootRow<Scalar> odd = rows[1] * factor(1);
-  int r = 2;
-  for (; r + 1 < count; r += 2) {
-    even += rows[r] * factor(r);
-    odd += rows[r + 1] * factor(r + 1);
+  RootRow<Scalar> a = rows[0] * factor(0), b = rows[1] * factor(1), c = rows[2] * factor(2), d = rows[3] * factor(3);
+  for (int r = abreast; r < count; r += abreast) {
+    a += rows[r] * factor(r);
+    b += rows[r + 1] * factor(r + 1);
+    c += rows[r + 2] * factor(r + 2);
+    d += rows[r + 3] * factor(r + 3);
   }
-  if (r < count) { even += rows[r] * factor(r); }
-  return even + odd;
+  return (a + b) + (c + d);
 }
 
-/// rows −= (factor Σ x rows) xᵀ.
-template <class Scalar>
-[[gnu::always_inline]] inline void reflect(RootRow<Scalar>* rows, const Scalar* x, int count, const Scalar& factor)
+/// rows −= w xᵀ; then columns where `keep` is 0 are 0. Returns the squares, summed by column.
+template <class Scalar, class Factor>
+[[gnu::always_inline]] inline RootRow<Scalar> subtract(RootRow<Scalar>* rows, int count, const RootRow<Scalar>& w,
+                                                       Factor&& x, const RootRow<Scalar>& keep)
 {
-  const RootRow<Scalar> w = weighted_sum(rows, count, [&](int r) -> const Scalar& { return x[r]; }) * factor;
-  for (int r = 0; r < count; ++r) { rows[r] -= w * x[r]; }
+  RootRow<Scalar> a = RootRow<Scalar>::Zero(), b = a, c = a, d = a;
+  const auto step = [&](int r, RootRow<Scalar>& sum) {
+    const RootRow<Scalar> n = (rows[r] - w * x(r)) * keep;
+    rows[r] = n;
+    sum += n * n;
+  };
+  for (int r = 0; r < count; r += abreast) {
+    step(r, a);
+    step(r + 1, b);
+    step(r + 2, c);
+    step(r + 3, d);
+  }
+  return (a + b) + (c + d);
+}
+
+/// Size of a row to sort by: ‖n‖₁, a finite number also where n is not.
+template <class Scalar>
+[[gnu::always_inline]] inline Scalar size_of(const RootRow<Scalar>& n)
+{
+  using std::abs;
+  const Scalar sum = ((abs(n(0)) + abs(n(1))) + (abs(n(2)) + abs(n(3)))) + (abs(n(4)) + abs(n(5)));
+  const Scalar most = Eigen::NumTraits<Scalar>::highest();
+  return sum < most ? sum : most;
 }
 
 /// The largest of the first six lanes: its place and itself, by knock-out.
@@ -223,48 +174,41 @@ template <class Scalar>
   return {xc > xd ? c : d, xc > xd ? xc : xd};
 }
 
-/// Replaces `count` rows by at most six with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by their
-/// largest entry. Returns how many.
+/// Replaces `count` ≥ 6 rows by at most six with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
+/// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
 template <int most, class Scalar>
-int compress(const std::array<RootRow<Scalar>, most>& stack, int count, std::array<RootRow<Scalar>, 6>& result)
+int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<Scalar>* result, std::array<int, 6>& pivot)
 {
   count = std::min(count, most);
-  if (count <= 6) {
-    std::copy(stack.begin(), stack.begin() + count, result.begin());
-    return count;
-  }
   std::array<Scalar, most> size;
-  std::array<int, most> order;
-  for (int r = 0; r < count; ++r) {
-    const Scalar own = stack[static_cast<std::size_t>(r)].template head<6>().abs().maxCoeff();
-    int at = r;
-    for (; at > 0 && size[static_cast<std::size_t>(at - 1)] < own; --at) {
-      size[static_cast<std::size_t>(at)] = size[static_cast<std::size_t>(at - 1)];
-      order[static_cast<std::size_t>(at)] = order[static_cast<std::size_t>(at - 1)];
-    }
-    size[static_cast<std::size_t>(at)] = own;
-    order[static_cast<std::size_t>(at)] = r;
+  for (int r = 0; r < count; ++r) { size[static_cast<std::size_t>(r)] = size_of(stack[static_cast<std::size_t>(r)]); }
+  std::array<RootRow<Scalar>, most + abreast> sorted;
+  for (int r = 0; r < count; ++r) {  // by counting: no branch to guess
+    const Scalar own = size[static_cast<std::size_t>(r)];
+    int at = 0;
+    for (int other = 0; other < r; ++other) { at += size[static_cast<std::size_t>(other)] >= own ? 1 : 0; }
+    for (int other = r + 1; other < count; ++other) { at += size[static_cast<std::size_t>(other)] > own ? 1 : 0; }
+    sorted[static_cast<std::size_t>(at)] = stack[static_cast<std::size_t>(r)];
   }
-  std::array<RootRow<Scalar>, most> sorted;
-  for (int r = 0; r < count; ++r) {
-    sorted[static_cast<std::size_t>(r)] = stack[static_cast<std::size_t>(order[static_cast<std::size_t>(r)])];
-  }
-  RootRow<Scalar> open = RootRow<Scalar>::Ones();  // zero: a column that is done
-  std::array<Scalar, most> x;
+  for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
+  RootRow<Scalar> square =
+      weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
   for (int k = 0; k < 6; ++k) {
     RootRow<Scalar>* rows = sorted.data() + k;
     const int active = count - k;
-    const RootRow<Scalar> square =
-        weighted_sum(rows, active, [&](int r) -> const RootRow<Scalar>& { return rows[r]; }) * open;
     const auto [column, best] = largest_of_six(square);
     if (!(best > Scalar(0))) { return k; }  // what is left is zero
-    open(column) = Scalar(0);
-    for (int r = 0; r < active; ++r) { x[static_cast<std::size_t>(r)] = rows[r](column); }
-    const auto [alpha, factor] = reflector(x.data(), best);
-    reflect(rows, x.data(), active, factor);
-    result[static_cast<std::size_t>(k)] = rows[0];
-    result[static_cast<std::size_t>(k)](column) = alpha;
-    for (int r = 1; r < active; ++r) { rows[r](column) = Scalar(0); }
+    pivot[static_cast<std::size_t>(k)] = column;
+    RootRow<Scalar> keep;
+    for (int l = 0; l < 8; ++l) { keep(l) = Scalar(l == column ? 0 : 1); }
+    const auto x = [&, c = column](int r) -> const Scalar& { return rows[r](c); };
+    Scalar top = x(0);
+    const RootRow<Scalar> first = rows[0];
+    const RootRow<Scalar> sum = weighted_sum(rows, active, x);
+    const auto [alpha, factor] = reflector(&top, best);
+    const RootRow<Scalar> w = (sum - first * alpha) * factor;  // top − first(column) = −alpha
+    square = subtract(rows + 1, active - 1, w, [&](int r) -> const Scalar& { return x(r + 1); }, keep);
+    result[k] = sum * (Scalar(1) / alpha);  // = first − w top, without its cancellation; alpha in its column
   }
   return 6;
 }
@@ -277,8 +221,9 @@ template <int n, class Scalar, int most>
                                              const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
 {
   using std::abs;
-  count = std::min(count, most);
+  count = std::min(count, most - abreast);
   if (count < n) { return false; }
+  for (int r = count; r < count + abreast; ++r) { rows[static_cast<std::size_t>(r)].setZero(); }
   std::array<int, n> order;
   std::array<bool, n> done{};
   std::array<Scalar, most> x;
@@ -310,7 +255,11 @@ template <int n, class Scalar, int most>
     // Below this v is made of roundings: the coordinate moves nothing.
     const Scalar negligible = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
     regular &= ScalarTraits<Scalar>::is_positive(abs(alpha) - negligible);
-    reflect(rows.data() + k, x.data(), active, factor);
+    for (int r = active; r < active + abreast; ++r) { x[static_cast<std::size_t>(r)] = Scalar(0); }
+    RootRow<Scalar>* const open = rows.data() + k;
+    const auto entry = [&](int r) -> const Scalar& { return x[static_cast<std::size_t>(r)]; };
+    const RootRow<Scalar> w = weighted_sum(open, active, entry) * factor;
+    subtract(open, active, w, entry, RootRow<Scalar>(RootRow<Scalar>::Ones()));
     for (int c = 0; c < n; ++c) {
       if (done[static_cast<std::size_t>(c)]) { continue; }
       Scalar dot(0);
@@ -330,6 +279,52 @@ template <int n, class Scalar, int most>
       Scalar sum = c == k ? Scalar(1) : Scalar(0);
       for (int l = k + 1; l < n; ++l) { sum -= t(order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c); }
       C(row, c) = sum * inverse;
+    }
+  }
+  return regular;
+}
+
+/// The same for a free subsystem, S = diag(R, R) orthogonal: T = N₁ S and C = Sᵀ N₁⁻¹ from the six rows that `compress`
+/// leaves, N₁ and [N₁ | z₁] first of `rows`. False if N₁ is singular up to roundings.
+template <class Scalar, int most>
+[[gnu::always_inline]] inline bool eliminate_free(std::array<RootRow<Scalar>, most>& rows, int count,
+                                                  const Eigen::Matrix<Scalar, 6, 6>& S,
+                                                  std::array<Eigen::Matrix<Scalar, 6, 1>, most>& T,
+                                                  Eigen::Matrix<Scalar, 6, 6>& C)
+{
+  using std::abs;
+  if (count < 6) { return false; }
+  RootRow<Scalar> scale = RootRow<Scalar>::Zero();
+  for (int r = 0; r < count; ++r) { scale += rows[static_cast<std::size_t>(r)].abs(); }
+  std::array<RootRow<Scalar>, 6> N;
+  std::array<int, 6> pivot{};
+  if (compress<most>(rows, count, N.data(), pivot) < 6) { return false; }
+  bool regular = true;
+  Eigen::Matrix<Scalar, 6, 6> N_inv;
+  for (int k = 5; k >= 0; --k) {
+    const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
+    const int row = pivot[static_cast<std::size_t>(k)];
+    const Scalar negligible = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
+    regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
+    const Scalar inverse = Scalar(1) / n(row);
+    for (int c = 0; c < 6; ++c) {
+      Scalar sum = c == k ? Scalar(1) : Scalar(0);
+      for (int l = k + 1; l < 6; ++l) {
+        const int column = pivot[static_cast<std::size_t>(l)];
+        sum -= n(column) * N_inv(column, c);
+      }
+      N_inv(row, c) = sum * inverse;
+    }
+    rows[static_cast<std::size_t>(k)] = n;
+    for (int d = 0; d < 6; ++d) {
+      const int first = d < 3 ? 0 : 3;
+      T[static_cast<std::size_t>(k)](d) = n(first) * S(first, d) + n(first + 1) * S(first + 1, d) + n(first + 2) * S(first + 2, d);
+    }
+  }
+  for (int d = 0; d < 6; ++d) {
+    const int first = d < 3 ? 0 : 3;
+    for (int c = 0; c < 6; ++c) {
+      C(d, c) = S(first, d) * N_inv(first, c) + S(first + 1, d) * N_inv(first + 1, c) + S(first + 2, d) * N_inv(first + 2, c);
     }
   }
   return regular;

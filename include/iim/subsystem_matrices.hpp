@@ -3,7 +3,7 @@
 #pragma once
 
 #include <iim/forward_dynamics.hpp>
-#include <iim/inward.hpp>
+#include <iim/internal_inertia.hpp>
 
 #include <array>
 #include <cassert>

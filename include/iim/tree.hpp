@@ -67,6 +67,8 @@ public:
   const std::string& name(Index i) const { return names_[static_cast<std::size_t>(i)]; }
   const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
+  /// Whether the axes of subsystem i are made orthogonal again: at every 16th of a path.
+  bool straightens(Index i) const { return depth_[static_cast<std::size_t>(i)] % 16 == 15; }
   const FrameMass<Scalar>& frame_mass(Index frame) const { return frame_mass_[static_cast<std::size_t>(frame)]; }
   const FrameMass<Scalar>& inlet_mass(Index i) const { return inlet_mass_[static_cast<std::size_t>(i)]; }
   /// Subsystem that owns a frame.
@@ -141,6 +143,7 @@ private:
     names_.push_back(part.name);
     placements_.push_back({part.on.R, part.on.p});
     turns_.push_back(part.on.R != Matrix3<Scalar>::Identity());
+    depth_.push_back(part.parent < 0 ? 0 : depth_[static_cast<std::size_t>(part.parent)] + 1);
     inlet_mass_.emplace_back();
     for (int k = 0; k < S::n_frames; ++k) {
       frame_mass_.emplace_back();
@@ -174,6 +177,7 @@ private:
   std::vector<std::string> names_;
   std::vector<Placement<Scalar>> placements_;
   std::vector<char> turns_;
+  std::vector<Index> depth_;  // number of ancestors
   std::vector<FrameMass<Scalar>> frame_mass_;
   std::vector<FrameMass<Scalar>> inlet_mass_;
   std::vector<Index> owner_;

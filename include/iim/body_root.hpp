@@ -1,0 +1,86 @@
+// The square root of a rigid body's inertia, for the square-root form of the O(n) pass.
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/spatial.hpp>
+
+#include <cmath>
+#include <utility>
+
+namespace iim::detail {
+
+/// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's rotations: small eigenvalues keep their own digits,
+/// and any Scalar with a square root will do.
+template <class Scalar>
+void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>& axes)
+{
+  using std::abs;
+  using std::sqrt;
+  const Scalar epsilon = Eigen::NumTraits<Scalar>::epsilon();
+  axes.setIdentity();
+  for (int sweep = 0; sweep < 32; ++sweep) {
+    bool diagonal = true;
+    for (int p = 0; p < 2; ++p) {
+      for (int q = p + 1; q < 3; ++q) {
+        if (!(abs(I(p, q)) > epsilon * sqrt(abs(I(p, p)) * abs(I(q, q))))) { continue; }
+        diagonal = false;
+        // t = tan of the angle that makes I(p, q) zero, the smaller of the two
+        const Scalar theta = (I(q, q) - I(p, p)) / (Scalar(2) * I(p, q));
+        const Scalar root = sqrt(theta * theta + Scalar(1));
+        const Scalar t = theta > Scalar(0) ? Scalar(1) / (theta + root) : Scalar(1) / (theta - root);
+        const Scalar c = Scalar(1) / sqrt(t * t + Scalar(1));
+        const Scalar s = t * c;
+        Matrix3<Scalar> J = Matrix3<Scalar>::Identity();
+        J(p, p) = c, J(q, q) = c, J(p, q) = s, J(q, p) = -s;
+        I = Matrix3<Scalar>(J.transpose() * I * J);
+        axes = Matrix3<Scalar>(axes * J);
+      }
+    }
+    if (diagonal) { break; }
+  }
+  moment = I.diagonal();
+}
+
+/// The rigid body that one frame carries, by its principal axes: constants of N_b and z_b.
+template <class Scalar>
+struct BodyRoot {
+  Scalar root_mass = Scalar(0);                       ///< √m
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< in the frame
+  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame
+  Vector3<Scalar> root_moment = Vector3<Scalar>::Zero();  ///< √θ, zeros last
+  Vector3<Scalar> gyration = Vector3<Scalar>::Zero();     ///< (θ_j − θ_i) / √θ_k, k, i, j cyclic
+  int rows = 0;
+
+  BodyRoot() = default;
+  explicit BodyRoot(const FrameMass<Scalar>& body)
+  {
+    using std::sqrt;
+    if (!body.present) { return; }
+    root_mass = sqrt(body.mass);
+    com = body.com;
+    Vector3<Scalar> moment = body.central_inertia.diagonal();
+    const Matrix3<Scalar> diagonal = moment.asDiagonal();
+    if (body.central_inertia != diagonal) {
+      principal_axes(body.central_inertia, moment, axes);
+    }
+    for (int pass = 0; pass < 2; ++pass) {  // largest first
+      for (int k = 0; k < 2; ++k) {
+        if (moment(k) < moment(k + 1)) {
+          std::swap(moment(k), moment(k + 1));
+          axes.col(k).swap(axes.col(k + 1));
+        }
+      }
+    }
+    axes.col(2) = axes.col(0).cross(axes.col(1));
+    rows = 3;
+    for (int k = 0; k < 3; ++k) {
+      if (moment(k) > Scalar(0)) {
+        root_moment(k) = sqrt(moment(k));
+        gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
+        ++rows;
+      }
+    }
+  }
+};
+
+}  // namespace iim::detail

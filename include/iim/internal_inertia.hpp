@@ -1,0 +1,96 @@
+// What lies inside a subsystem beside its bodies: rotors that spin, and the springs of an implicit step.
+#pragma once
+
+#include <iim/kinematics.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <cstddef>
+
+namespace iim::detail {
+
+/// A rotor in motion. World axes.
+template <class S>
+struct SpunRotor {
+  using Scalar = typename S::Scalar;
+  Vector3<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};       ///< axis; zero for an armature
+  Eigen::Matrix<Scalar, S::n_i, 1> e;                       ///< spin relative to the inlet per q̇_i
+  Scalar J;                                                 ///< axial inertia
+  Scalar bias{0};                                           ///< what a·V̇ of the carrier is for y = 0 and q̈_i = 0
+  Vector3<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};  ///< of the spin turning with its carrier
+};
+
+template <Scene scene, class S, class N, class RotorType, class Workspace>
+[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const N& node, const RotorType& rotor, const NodeState<S>& state,
+                                                      const Workspace& ws)
+{
+  using Scalar = typename S::Scalar;
+  SpunRotor<S> spun;
+  spun.e = rotor.ratio.transpose();
+  spun.J = rotor.inertia;
+  if (!rotor.coupled) { return spun; }
+  const bool on_inlet = rotor.frame < 0;
+  spun.a = times(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
+  if (!on_inlet) {
+    const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
+    for (int d = 0; d < S::n_i; ++d) {
+      for (int i = 0; i < 3; ++i) { spun.e(d) += S_k(i + 3, d) * spun.a(i); }
+    }
+  }
+  if constexpr (scene.velocity) {
+    Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
+    if (!on_inlet) {
+      const FrameState<Scalar>& f = ws.frame(node.frame + rotor.frame);
+      omega = f.omega;
+      for (int i = 0; i < 3; ++i) { spun.bias += spun.a(i) * f.bias(i + 3); }
+    } else if (node.inlet >= 0) {
+      omega = ws.frame(node.inlet).omega;
+    }
+    // Spin momentum J (a·ω + ratio q̇) a turns with the carrier.
+    Scalar spin = spun.a(0) * omega(0) + spun.a(1) * omega(1) + spun.a(2) * omega(2);
+    for (int d = 0; d < S::n_i; ++d) { spin += rotor.ratio(d) * state.qd(d); }
+    spin *= spun.J;
+    spun.moment = cross(omega, spun.a);
+    for (int i = 0; i < 3; ++i) { spun.moment(i) *= spin; }
+  }
+  return spun;
+}
+
+/// The moment of a turning spin momentum on the guidance part and, if the carrier moves with q_i, on q_i.
+template <class S, class RotorType>
+[[gnu::always_inline]] inline void add_gyroscopic(const SpunRotor<S>& spun, const RotorType& rotor,
+                                                  const NodeState<S>& state, Vector6<typename S::Scalar>& hg,
+                                                  Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
+{
+  for (int i = 0; i < 3; ++i) { hg(i + 3) += spun.moment(i); }
+  if (rotor.frame < 0) { return; }
+  const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
+  for (int d = 0; d < S::n_i; ++d) {
+    for (int i = 0; i < 3; ++i) { hq(d) += S_k(i + 3, d) * spun.moment(i); }
+  }
+}
+
+/// D += ratioᵀ inertia ratio.
+template <class Scalar, int n_i>
+[[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring, Eigen::Matrix<Scalar, n_i, n_i>& D)
+{
+  for (int d = 0; d < n_i; ++d) {
+    for (int e = 0; e < n_i; ++e) { D(e, d) += spring.ratio(e) * spring.inertia * spring.ratio(d); }
+  }
+}
+
+/// C b for a root C of M̄_R⁻¹, and M̄_R⁻¹ b, are written out like this throughout: y = A x, n × n.
+template <class Scalar, int n>
+[[gnu::always_inline]] inline Eigen::Matrix<Scalar, n, 1> product(const Eigen::Matrix<Scalar, n, n>& A,
+                                                                  const Eigen::Matrix<Scalar, n, 1>& x)
+{
+  Eigen::Matrix<Scalar, n, 1> y;
+  for (int d = 0; d < n; ++d) {
+    y(d) = A(d, 0) * x(0);
+    for (int e = 1; e < n; ++e) { y(d) += A(d, e) * x(e); }
+  }
+  return y;
+}
+
+}  // namespace iim::detail
