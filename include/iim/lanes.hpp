@@ -345,8 +345,8 @@ struct Registers {
     for (std::size_t k = 0; k < count; ++k) { to[k] = at[k]; }
   }
   const Scalar* data() const { return at.data(); }
-  const Scalar& operator()(Eigen::Index k) const { return at[static_cast<std::size_t>(k)]; }
-  Scalar& operator()(Eigen::Index k) { return at[static_cast<std::size_t>(k)]; }
+  /// A single register has no place that would have to be in memory.
+  [[gnu::always_inline]] const Scalar& operator()(Eigen::Index k) const { return at[count == 1 ? 0 : static_cast<std::size_t>(k)]; }
   template <int run>
   [[gnu::always_inline]] Eigen::Array<Scalar, run, 1> segment(int first) const
   {
