@@ -47,18 +47,23 @@ public:
 
   void qdd0()
   {
-    for (std::size_t k = 0; k < states; ++k) { sink_ = iim::forward_dynamics(q_[k], qd_[k], ws_).qdd0()(0); }
+    for (std::size_t k = 0; k < states; ++k) { keep(iim::forward_dynamics(q_[k], qd_[k], ws_).qdd0()); }
   }
 
   /// q̈₀ and six columns.
   void six_columns()
   {
-    for (std::size_t k = 0; k < states; ++k) {
-      sink_ = method_(iim::forward_dynamics(q_[k], qd_[k], ws_)).Bhat(0, 0);
-    }
+    for (std::size_t k = 0; k < states; ++k) { keep(method_(iim::forward_dynamics(q_[k], qd_[k], ws_)).Bhat); }
   }
 
 private:
+  /// So that nothing is left out as unused; a chain of fixed links has no rows.
+  template <class Derived>
+  void keep(const Eigen::MatrixBase<Derived>& answer)
+  {
+    if (answer.size() > 0) { sink_ = answer(0, 0); }
+  }
+
   static iim::Assembly<S> chain(const S& part, int outlet, int length)
   {
     iim::Assembly<S> parts;
