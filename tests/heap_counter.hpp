@@ -22,6 +22,7 @@
 namespace {
 
 std::atomic<long> heap_calls{0};
+std::atomic<long> heap_bytes{0};  // asked for; what is given back does not count
 std::atomic<long> throws{0};
 
 }  // namespace
@@ -39,31 +40,37 @@ void __libc_free(void*);
 void* malloc(std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   return __libc_malloc(size);
 }
 void* calloc(std::size_t count, std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(count * size);
   return __libc_calloc(count, size);
 }
 void* realloc(void* memory, std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   return __libc_realloc(memory, size);
 }
 void* memalign(std::size_t alignment, std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   return __libc_memalign(alignment, size);
 }
 void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   return __libc_memalign(alignment, size);
 }
 int posix_memalign(void** memory, std::size_t alignment, std::size_t size) noexcept
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   *memory = __libc_memalign(alignment, size);
   return *memory == nullptr ? ENOMEM : 0;
 }
@@ -86,6 +93,7 @@ void free(void* memory) noexcept
 void* operator new(std::size_t size)
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   void* memory = __libc_malloc(size > 0 ? size : 1);
   if (memory == nullptr) { throw std::bad_alloc(); }
   return memory;
@@ -93,6 +101,7 @@ void* operator new(std::size_t size)
 void* operator new(std::size_t size, std::align_val_t alignment)
 {
   ++heap_calls;
+  heap_bytes += static_cast<long>(size);
   void* memory = __libc_memalign(static_cast<std::size_t>(alignment), size > 0 ? size : 1);
   if (memory == nullptr) { throw std::bad_alloc(); }
   return memory;

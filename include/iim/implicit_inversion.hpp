@@ -1,302 +1,122 @@
 // The implicit inversion method, Sect. 4: B̂ from what the O(n) pass left, without M and without its inverse.
 //
-// With C_a C_aᵀ = M̄_R⁻¹ of ancestor a (the root of the factor that (50) has in its middle) the two steps of
-// Algorithm 1 run on columns that carry C_a from the start:
+//     B̂ = Γ⁻¹ diag(M̄_R⁻¹) F*ᵀ B̄                                                                       (50)
 //
-//     H_k(:, a) : accelerations of frame k per C-scaled coordinate of a, the rows G F*_p C_a of (31)
-//     outward   y = X(r) H_inlet,   L_i(:, a) = −W y,   L_i(:, i) = C_i          L = Γ⁻¹ diag(C)      (48)
-//               H_k(:, a) = y + S_k L_i(:, a),   H_k(:, i) = S_k C_i             H = F* diag(C)       (31)
-//     B̂ = L (Lᵀ or Hᵀ) B̄ = Γ⁻¹ diag(M̄_R⁻¹) F*ᵀ B̄                                                     (50)
-//
-// Row i of L and H is non-zero only in the columns of i's ancestors, so these columns are numbered along the path from
-// the world ("path positions"): no zero of a tree's branching is stored or multiplied.
+// read from the left, as Algorithm 1 has it, Γ⁻¹ and F* once and a product for all inputs (product_form.hpp); or from the
+// right, a few inputs at a time through the tree (sweep.hpp), which needs nothing of size n². Whichever is the cheaper.
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/branches.hpp>
 #include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
-#include <iim/spatial.hpp>
+#include <iim/product_form.hpp>
+#include <iim/sweep.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cassert>
+#include <cmath>
 #include <concepts>
+#include <optional>
 #include <vector>
 
 namespace iim {
 
-/// B̂ and q̈₀ by implicit inversion (Algorithm 1). Owns its memory, O(n_v · depth + n_v · m); refers to tree and inputs.
+namespace detail {
+
+/// The number of active columns from which on the product costs less than the sweep; max_columns + 1 if it never does.
+///
+/// Costs are loop steps of one vector register each, weighted as measured on chains of 5 to 500 links and trees of 63 and
+/// 255. Columns are taken to be spread over the inputs of the tree evenly.
+template <class Tree>
+Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
+{
+  using Scalar = typename Tree::Scalar;
+  constexpr double lanes = lane_count<Scalar>;
+  double factors = 0;  // L and H
+  double everywhere = 0;                // outward loop of the sweep
+  double longest = 0;                   // its inward loop, along the longest path of an input
+  std::vector<double> path(static_cast<std::size_t>(tree.size()), 0);
+  std::vector<double> rows(static_cast<std::size_t>(tree.size()), 0);  // products of one column of B̂ with L
+  std::vector<int> moving(static_cast<std::size_t>(tree.size()), 0);
+  tree.outward([&]<class N, class S>(const N& node, const S&) {
+    moving[static_cast<std::size_t>(node.index)] = S::n_i;
+    factors += std::ceil(static_cast<double>(node.path_v) / lanes) * (10.0 + 13.0 * S::n_i) + 12.0 * S::n_i * S::n_i;
+    everywhere += 12.0 + 15.0 * S::n_i;
+    path[static_cast<std::size_t>(node.index)] =
+        28.0 + 15.0 * S::n_i + (node.parent < 0 ? 0.0 : path[static_cast<std::size_t>(node.parent)]);
+  });
+  for (const Node& node : tree.nodes()) {
+    const auto i = static_cast<std::size_t>(node.index);
+    rows[i] = static_cast<double>(moving[i]) * std::ceil(static_cast<double>(node.v_end - node.v) / lanes) +
+              (node.parent < 0 ? 0.0 : rows[static_cast<std::size_t>(node.parent)]);
+  }
+  double product = 0;
+  for (Index id = 0; id < inputs.blocks(); ++id) {
+    const Input<Scalar>& input = inputs.block(id);
+    product += static_cast<double>(input.size) * rows[static_cast<std::size_t>(input.subsystem)];
+    longest = std::max(longest, path[static_cast<std::size_t>(input.subsystem)]);
+  }
+  const Index most = inputs.max_columns();
+  const double column = most > 0 ? product / static_cast<double>(most) : 0.0;
+  for (Index m = 1; m <= most; ++m) {
+    const double count = static_cast<double>(m);
+    if (factors + count * column < std::ceil(count / lanes) * (everywhere + longest)) { return m; }
+  }
+  return most + 1;
+}
+
+}  // namespace detail
+
+/// B̂ and q̈₀ by implicit inversion. Owns its memory, O(n_v · m), and O(n_v · depth) if the product form may come to be
+/// used; refers to tree and inputs.
 template <class Tree>
 class ImplicitInversion {
 public:
   using Scalar = typename Tree::Scalar;
 
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), limbs_(tree), frame_buffers_(tree), inputs_(inputs), depth_(detail::padded<Scalar>(limbs_.depth())),
-        rows_(detail::padded<Scalar>(tree.n_v()) + lanes), L_(rows_, depth_), L_rows_(depth_, tree.n_v()),
-        beta_(depth_, inputs.max_columns()),
-        H_(static_cast<std::size_t>(frame_buffers_.count())),
-        first_column_(static_cast<std::size_t>(tree.size()) + 1, 0),
-        columns_(static_cast<std::size_t>(inputs.max_columns())), result_(tree.n_v(), inputs.max_columns())
+      : ImplicitInversion(tree, inputs, detail::product_pays_from(tree, inputs))
   {
-    L_.setZero();
-    L_rows_.setZero();
-    beta_.setZero();
-    for (Buffer& H : H_) { H.setZero(depth_, 6); }
-    path_end_.resize(static_cast<std::size_t>(tree.n_v()));
-    for (const Node& node : tree.nodes()) {
-      const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
-      std::fill(path_end_.begin() + node.v, path_end_.begin() + own_end, node.path_v + own_end - node.v);
-      if (limbs_.limb_of(node.index) == static_cast<Index>(limb_subsystems_.size())) {
-        limb_subsystems_.push_back({node.index, node.subtree_end});
-      }
-      roots_ += node.parent < 0;
-    }
   }
 
-  /// Steps 2 and 3 of Algorithm 1 for the inputs that are active now. No allocation, no exception.
+  /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
     requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
   {
-    const Index m = inputs_.inputs().columns();
-    assert(inputs_.inputs().max_columns() == beta_.cols() && "inputs were added after the method was made");
+    const Index m = inputs_->columns();
+    assert(inputs_->max_columns() == max_columns_ && "inputs were added after the method was made");
     if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
-    inputs_.number_columns();
-    outward(fd.workspace());
-    multiply(m);
-    const bool finite = detail::all_finite(result_.Bhat(m));
+    auto Bhat = result_.Bhat(m);
+    if (m >= product_from_) {
+      (*product_)(fd.workspace(), Bhat);
+    } else {
+      (*sweep_)(fd.workspace(), Bhat);
+    }
+    const bool finite = detail::all_finite(Bhat);
     return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 
+  /// Number of active columns from which on B̂ is computed as a product; below it, by sweeps.
+  Index product_from() const { return product_from_; }
+
+protected:
+  /// With another number of columns from which the product form is used: to measure.
+  ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs, Index product_from)
+      : inputs_(&inputs), max_columns_(inputs.max_columns()), product_from_(product_from), result_(tree.n_v(), max_columns_)
+  {
+    if (product_from_ <= max_columns_) { product_.emplace(tree, inputs); }
+    if (product_from_ > 0) { sweep_.emplace(tree, inputs); }
+  }
+
 private:
-  static constexpr int lanes = detail::lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
-  static constexpr int tile = 4;                            ///< columns of B̂ that share one load of L
-  using Lanes = detail::Lanes<Scalar>;
-  using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
-
-  /// Where one column of B̂ is worked on and where it goes.
-  struct Column {
-    Index bhat;   ///< column of B̂
-    Index depth;  ///< path positions that the input reaches
-  };
-
-  Scalar* H(Index frame) { return H_[static_cast<std::size_t>(frame_buffers_[frame])].data(); }
-
-  /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
-  template <class Workspace>
-  void outward(const Workspace& ws)
-  {
-    Index column = 0;
-    tree_->outward([&]<class N, class S>(const N& node, const S&) {
-      const NodeState<S>& state = ws.template node<S>(node);
-      for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
-      if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
-      first_column_[static_cast<std::size_t>(node.index)] = column;
-      const Index depth = node.path_v + S::n_i;
-      inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
-        if (input.kind == InputKind::motor) {
-          project_motor<S>(ws, input, column, depth);
-        } else {
-          project_point(ws.frame(input.frame), input, column, depth);
-        }
-        const Index limb_end = limbs_[limbs_.limb_of(node.index)].end;
-        for (Index j = 0; j < input.size; ++j, ++column) {
-          columns_[static_cast<std::size_t>(column)] = {bhat + j, depth};
-          std::fill(beta_.data() + column * depth_ + depth, beta_.data() + column * depth_ + limb_end, Scalar(0));
-        }
-      });
-    });
-    first_column_.back() = column;
-  }
-
-  /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
-  template <class S, class N>
-  void propagate(const N& node, const NodeState<S>& state, Index a)
-  {
-    constexpr int n_i = S::n_i;
-    const Scalar* inlet = H(node.inlet) + a;
-    std::array<Lanes, 6> y;
-    for (int c = 0; c < 6; ++c) { y[at(c)] = detail::load(inlet + c * depth_); }
-    y[0] += y[4] * state.r(2) - y[5] * state.r(1);
-    y[1] += y[5] * state.r(0) - y[3] * state.r(2);
-    y[2] += y[3] * state.r(1) - y[4] * state.r(0);
-
-    std::array<Lanes, n_i> l;
-    for (int d = 0; d < n_i; ++d) {
-      l[at(d)] = -state.W(d, 0) * y[0];
-      for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
-      detail::store(L_rows_.data() + (node.v + d) * depth_ + a, l[at(d)]);
-      const Index count = std::min<Index>(lanes, node.path_v - a);
-      for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
-    }
-    for (int k = 0; k < S::n_frames; ++k) {
-      Scalar* frame = H(node.frame + k) + a;
-      for (int c = 0; c < 6; ++c) {
-        Lanes h = y[at(c)];
-        if constexpr (detail::is_free<S>()) {
-          h.setZero();  // y − S Sᵀ y
-        } else if (c < 3 ? S::pattern.linear : S::pattern.angular) {
-          for (int d = 0; d < n_i; ++d) { h += state.S_k[at(k)](c, d) * l[at(d)]; }
-        }
-        detail::store(frame + c * depth_, h);
-      }
-    }
-  }
-
-  /// Columns of the subsystem's own velocities: L(:, i) = C, H_k(:, i) = S_k C.
-  template <class S, class N>
-  void begin_columns(const N& node, const NodeState<S>& state)
-  {
-    constexpr int n_i = S::n_i;
-    const auto& C = state.MbarR_inv_root;
-    for (int d = 0; d < n_i; ++d) {
-      for (int e = 0; e < n_i; ++e) {
-        L_(node.v + e, node.path_v + d) = C(e, d);
-        L_rows_(node.path_v + d, node.v + e) = C(e, d);
-      }
-    }
-    for (int k = 0; k < S::n_frames; ++k) {
-      Scalar* frame = H(node.frame + k) + node.path_v;
-      for (int d = 0; d < n_i; ++d) {
-        for (int c = 0; c < 6; ++c) {
-          Scalar h = Scalar(0);
-          if (c < 3 ? S::pattern.linear : S::pattern.angular) {
-            for (int e = 0; e < n_i; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
-          }
-          frame[c * depth_ + d] = h;
-        }
-      }
-    }
-  }
-
-  /// β = Lᵀ B̄ in path positions 0 … depth; zero from there to the end of the limb.
-  template <class S, class Workspace>
-  void project_motor(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth)
-  {
-    for (Index j = 0; j < input.size; ++j) {
-      Scalar* beta = beta_.data() + (column + j) * depth_;
-      const Scalar* Bbar = ws.Bbar().data() + input.bbar + j * S::n_i;
-      for (Index a = 0; a < depth; a += lanes) {
-        Lanes sum = Lanes::Zero();
-        for (int d = 0; d < S::n_i; ++d) { sum += detail::load(L_rows_.data() + (input.v + d) * depth_ + a) * Bbar[d]; }
-        detail::store(beta + a, sum);
-      }
-    }
-  }
-
-  /// β = Hᵀ w: velocities of the point, and of its body, per path position; the same zeros.
-  void project_point(const FrameState<Scalar>& f, const Input<Scalar>& input, Index column, Index depth)
-  {
-    Vector3<Scalar> x = f.r;
-    detail::add(x, detail::times(f.R, input.point));
-    Matrix3<Scalar> axes;
-    const bool turned = input.axes == Axes::body;
-    if (turned) { detail::multiply(f.R, input.R, axes); }
-    const Scalar* h = H(input.frame);
-    Scalar* beta = beta_.data() + column * depth_;
-    for (Index a = 0; a < depth; a += lanes) {
-      std::array<Lanes, 6> V;
-      for (int c = 0; c < 6; ++c) { V[at(c)] = detail::load(h + c * depth_ + a); }
-      V[0] += V[4] * x(2) - V[5] * x(1);
-      V[1] += V[5] * x(0) - V[3] * x(2);
-      V[2] += V[3] * x(1) - V[4] * x(0);
-      for (int c = 0; c < static_cast<int>(input.size); ++c) {
-        if (turned) {
-          const int first = c < 3 ? 0 : 3;
-          const Lanes v = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
-                          V[at(first + 2)] * axes(2, c - first);
-          detail::store(beta + c * depth_ + a, v);
-        } else {
-          detail::store(beta + c * depth_ + a, V[at(c)]);
-        }
-      }
-    }
-  }
-
-  /// Step 3: B̂ = L β, limb by limb: the path positions of a limb take the inputs on its subtree to the rows of it.
-  void multiply(Index m)
-  {
-    auto Bhat = result_.Bhat(m);
-    if (roots_ != 1) { Bhat.setZero(); }
-    for (Index k = 0; k < limbs_.size(); ++k) {
-      const auto [subsystem, subtree_end] = limb_subsystems_[static_cast<std::size_t>(k)];
-      const Index end = first_column_[static_cast<std::size_t>(subtree_end)];
-      Index j = first_column_[static_cast<std::size_t>(subsystem)];
-      for (; j + tile <= end; j += tile) { multiply_tile<tile>(limbs_[k], j, Bhat); }
-      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], j, Bhat); }
-    }
-  }
-
-  /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
-  template <int count, class Matrix>
-  void multiply_tile(const detail::Limb& limb, Index column, Matrix& Bhat)
-  {
-    Index depth = 0;
-    std::array<Scalar*, count> target;
-    for (int j = 0; j < count; ++j) {
-      const Column& c = columns_[static_cast<std::size_t>(column + j)];
-      depth = std::max(depth, c.depth);
-      target[at(j)] = Bhat.data() + c.bhat * Bhat.rows();
-    }
-    depth = std::min(depth, limb.end);
-    const Scalar* beta = beta_.data() + column * depth_;
-    for (Index v = limb.v; v < limb.v_end; v += lanes) {
-      const Index rows = std::min<Index>(lanes, limb.v_end - v);
-      const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
-      std::array<Lanes, count> sum;
-      for (int j = 0; j < count; ++j) { sum[at(j)].setZero(); }
-      const Scalar* l = L_.data() + limb.begin * rows_ + v;
-      for (Index a = limb.begin; a < end; ++a, l += rows_) {
-        const Lanes L = detail::load(l);
-        for (int j = 0; j < count; ++j) { sum[at(j)] += L * beta[j * depth_ + a]; }
-      }
-      for (int j = 0; j < count; ++j) { write<lanes>(target[at(j)] + v, sum[at(j)], 0, rows, limb.parent < 0); }
-    }
-  }
-
-  /// The first `rows` lanes, in runs of halving length: a limb rarely has a multiple of the lanes.
-  template <int run>
-  static void write(Scalar* target, const Lanes& sum, int done, Index rows, bool assign)
-  {
-    if (rows - done >= run) {
-      using Run = Eigen::Array<Scalar, run, 1>;
-      Eigen::Map<Run> to(target + done);
-      const Run part = sum.template segment<run>(done);
-      if (assign) {
-        to = part;
-      } else {
-        to += part;
-      }
-      done += run;
-    }
-    if constexpr (run > 1) { write<run / 2>(target, sum, done, rows, assign); }
-  }
-
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
-
-  struct Range {
-    Index begin, end;
-  };
-
-  const Tree* tree_;
-  detail::Limbs limbs_;
-  detail::FrameBuffers frame_buffers_;
-  detail::SortedInputs<Tree> inputs_;
-  Index depth_;             // padded length of the longest path
-  Index rows_;              // n_v, padded so that lanes may begin at any row
-  MatrixX<Scalar> L_;       // rows × depth: Γ⁻¹ diag(C); entry (r, a) belongs to the a-th velocity on r's path
-  MatrixX<Scalar> L_rows_;  // its transpose
-  MatrixX<Scalar> beta_;    // depth × m
-  std::vector<Buffer> H_;
-  std::vector<Index> path_end_;         // of a row: path positions up to and including its subsystem
-  std::vector<Range> limb_subsystems_;  // of a limb: subsystems of its subtree
-  std::vector<Index> first_column_;     // of a subsystem: active columns, sorted, on those before it
-  std::vector<Column> columns_;         // sorted along the tree
-  Index roots_ = 0;
+  const Inputs<Tree>* inputs_;
+  Index max_columns_;
+  Index product_from_;
+  std::optional<detail::ProductForm<Tree>> product_;
+  std::optional<detail::Sweep<Tree, detail::lane_count<Scalar>>> sweep_;
   detail::ResultMemory<Scalar> result_;
 };
 

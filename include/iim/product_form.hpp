@@ -1,0 +1,293 @@
+// The implicit inversion as a product of matrices, Algorithm 1: Γ⁻¹ and F* first, then B̂ for all inputs at once.
+//
+// With C_a C_aᵀ = M̄_R⁻¹ of ancestor a (the root of the factor that (50) has in its middle) the two steps of
+// Algorithm 1 run on columns that carry C_a from the start:
+//
+//     H_k(:, a) : accelerations of frame k per C-scaled coordinate of a, the rows G F*_p C_a of (31)
+//     outward   y = X(r) H_inlet,   L_i(:, a) = −W y,   L_i(:, i) = C_i          L = Γ⁻¹ diag(C)      (48)
+//               H_k(:, a) = y + S_k L_i(:, a),   H_k(:, i) = S_k C_i             H = F* diag(C)       (31)
+//     B̂ = L (Lᵀ or Hᵀ) B̄ = Γ⁻¹ diag(M̄_R⁻¹) F*ᵀ B̄                                                     (50)
+//
+// Row i of L and H is non-zero only in the columns of i's ancestors, so these columns are numbered along the path from
+// the world ("path positions"): no zero of a tree's branching is stored or multiplied.
+#pragma once
+
+#include <iim/branches.hpp>
+#include <iim/inputs.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <vector>
+
+namespace iim::detail {
+
+/// B̂ from the workspace. Construction allocates O(n_v · depth + depth · m); nothing after it does. Refers to the tree.
+template <class Tree>
+class ProductForm {
+public:
+  using Scalar = typename Tree::Scalar;
+
+  ProductForm(const Tree& tree, const Inputs<Tree>& inputs)
+      : tree_(&tree), limbs_(tree), frame_buffers_(tree), inputs_(inputs), depth_(padded<Scalar>(limbs_.depth())),
+        rows_(padded<Scalar>(tree.n_v()) + lanes), L_(rows_, depth_), L_rows_(depth_, tree.n_v()),
+        beta_(depth_, inputs.max_columns()),
+        H_(static_cast<std::size_t>(frame_buffers_.count())),
+        first_column_(static_cast<std::size_t>(tree.size()) + 1, 0),
+        columns_(static_cast<std::size_t>(inputs.max_columns()))
+  {
+    L_.setZero();
+    L_rows_.setZero();
+    beta_.setZero();
+    for (Buffer& H : H_) { H.setZero(depth_, 6); }
+    path_end_.resize(static_cast<std::size_t>(tree.n_v()));
+    for (const Node& node : tree.nodes()) {
+      const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
+      std::fill(path_end_.begin() + node.v, path_end_.begin() + own_end, node.path_v + own_end - node.v);
+      if (limbs_.limb_of(node.index) == static_cast<Index>(limb_subsystems_.size())) {
+        limb_subsystems_.push_back({node.index, node.subtree_end});
+      }
+      roots_ += node.parent < 0;
+    }
+  }
+
+  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(). The workspace holds the O(n) pass.
+  template <class Workspace, class Matrix>
+  void operator()(const Workspace& ws, Matrix& Bhat)
+  {
+    inputs_.number_columns();
+    outward(ws);
+    multiply_all(Bhat);
+  }
+
+private:
+  static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
+  static constexpr int tile = 4;                            ///< columns of B̂ that share one load of L
+  using Lanes = detail::Lanes<Scalar>;
+  using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
+
+  /// Where one column of B̂ is worked on and where it goes.
+  struct Column {
+    Index bhat;   ///< column of B̂
+    Index depth;  ///< path positions that the input reaches
+  };
+
+  Scalar* H(Index frame) { return H_[static_cast<std::size_t>(frame_buffers_[frame])].data(); }
+
+  /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
+  template <class Workspace>
+  void outward(const Workspace& ws)
+  {
+    Index column = 0;
+    tree_->outward([&]<class N, class S>(const N& node, const S&) {
+      const NodeState<S>& state = ws.template node<S>(node);
+      for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
+      if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
+      first_column_[static_cast<std::size_t>(node.index)] = column;
+      const Index depth = node.path_v + S::n_i;
+      inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
+        if (input.kind == InputKind::motor) {
+          project_motor<S>(ws, input, column, depth);
+        } else {
+          project_point(ws.frame(input.frame), input, column, depth);
+        }
+        const Index limb_end = limbs_[limbs_.limb_of(node.index)].end;
+        for (Index j = 0; j < input.size; ++j, ++column) {
+          columns_[static_cast<std::size_t>(column)] = {bhat + j, depth};
+          std::fill(beta_.data() + column * depth_ + depth, beta_.data() + column * depth_ + limb_end, Scalar(0));
+        }
+      });
+    });
+    first_column_.back() = column;
+  }
+
+  /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
+  template <class S, class N>
+  void propagate(const N& node, const NodeState<S>& state, Index a)
+  {
+    constexpr int n_i = S::n_i;
+    const Scalar* inlet = H(node.inlet) + a;
+    std::array<Lanes, 6> y;
+    for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + c * depth_); }
+    y[0] += y[4] * state.r(2) - y[5] * state.r(1);
+    y[1] += y[5] * state.r(0) - y[3] * state.r(2);
+    y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+
+    std::array<Lanes, n_i> l;
+    for (int d = 0; d < n_i; ++d) {
+      l[at(d)] = -state.W(d, 0) * y[0];
+      for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
+      store(L_rows_.data() + (node.v + d) * depth_ + a, l[at(d)]);
+      const Index count = std::min<Index>(lanes, node.path_v - a);
+      for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
+    }
+    for (int k = 0; k < S::n_frames; ++k) {
+      Scalar* frame = H(node.frame + k) + a;
+      for (int c = 0; c < 6; ++c) {
+        Lanes h = y[at(c)];
+        if constexpr (is_free<S>()) {
+          h.setZero();  // y − S Sᵀ y
+        } else if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+          for (int d = 0; d < n_i; ++d) { h += state.S_k[at(k)](c, d) * l[at(d)]; }
+        }
+        store(frame + c * depth_, h);
+      }
+    }
+  }
+
+  /// Columns of the subsystem's own velocities: L(:, i) = C, H_k(:, i) = S_k C.
+  template <class S, class N>
+  void begin_columns(const N& node, const NodeState<S>& state)
+  {
+    constexpr int n_i = S::n_i;
+    const auto& C = state.MbarR_inv_root;
+    for (int d = 0; d < n_i; ++d) {
+      for (int e = 0; e < n_i; ++e) {
+        L_(node.v + e, node.path_v + d) = C(e, d);
+        L_rows_(node.path_v + d, node.v + e) = C(e, d);
+      }
+    }
+    for (int k = 0; k < S::n_frames; ++k) {
+      Scalar* frame = H(node.frame + k) + node.path_v;
+      for (int d = 0; d < n_i; ++d) {
+        for (int c = 0; c < 6; ++c) {
+          Scalar h = Scalar(0);
+          if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+            for (int e = 0; e < n_i; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
+          }
+          frame[c * depth_ + d] = h;
+        }
+      }
+    }
+  }
+
+  /// β = Lᵀ B̄ in path positions 0 … depth; zero from there to the end of the limb.
+  template <class S, class Workspace>
+  void project_motor(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth)
+  {
+    for (Index j = 0; j < input.size; ++j) {
+      Scalar* beta = beta_.data() + (column + j) * depth_;
+      const Scalar* Bbar = ws.Bbar().data() + input.bbar + j * S::n_i;
+      for (Index a = 0; a < depth; a += lanes) {
+        Lanes sum = Lanes::Zero();
+        for (int d = 0; d < S::n_i; ++d) { sum += load(L_rows_.data() + (input.v + d) * depth_ + a) * Bbar[d]; }
+        store(beta + a, sum);
+      }
+    }
+  }
+
+  /// β = Hᵀ w: velocities of the point, and of its body, per path position; the same zeros.
+  void project_point(const FrameState<Scalar>& f, const Input<Scalar>& input, Index column, Index depth)
+  {
+    Vector3<Scalar> x = f.r;
+    add(x, times(f.R, input.point));
+    Matrix3<Scalar> axes;
+    const bool turned = input.axes == Axes::body;
+    if (turned) { detail::multiply(f.R, input.R, axes); }
+    const Scalar* h = H(input.frame);
+    Scalar* beta = beta_.data() + column * depth_;
+    for (Index a = 0; a < depth; a += lanes) {
+      std::array<Lanes, 6> V;
+      for (int c = 0; c < 6; ++c) { V[at(c)] = load(h + c * depth_ + a); }
+      V[0] += V[4] * x(2) - V[5] * x(1);
+      V[1] += V[5] * x(0) - V[3] * x(2);
+      V[2] += V[3] * x(1) - V[4] * x(0);
+      for (int c = 0; c < static_cast<int>(input.size); ++c) {
+        if (turned) {
+          const int first = c < 3 ? 0 : 3;
+          const Lanes v = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
+                          V[at(first + 2)] * axes(2, c - first);
+          store(beta + c * depth_ + a, v);
+        } else {
+          store(beta + c * depth_ + a, V[at(c)]);
+        }
+      }
+    }
+  }
+
+  /// Step 3: B̂ = L β, limb by limb: the path positions of a limb take the inputs on its subtree to the rows of it.
+  template <class Matrix>
+  void multiply_all(Matrix& Bhat)
+  {
+    if (roots_ != 1) { Bhat.setZero(); }
+    for (Index k = 0; k < limbs_.size(); ++k) {
+      const auto [subsystem, subtree_end] = limb_subsystems_[static_cast<std::size_t>(k)];
+      const Index end = first_column_[static_cast<std::size_t>(subtree_end)];
+      Index j = first_column_[static_cast<std::size_t>(subsystem)];
+      for (; j + tile <= end; j += tile) { multiply_tile<tile>(limbs_[k], j, Bhat); }
+      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], j, Bhat); }
+    }
+  }
+
+  /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
+  template <int count, class Matrix>
+  void multiply_tile(const Limb& limb, Index column, Matrix& Bhat)
+  {
+    Index depth = 0;
+    std::array<Scalar*, count> target;
+    for (int j = 0; j < count; ++j) {
+      const Column& c = columns_[static_cast<std::size_t>(column + j)];
+      depth = std::max(depth, c.depth);
+      target[at(j)] = Bhat.data() + c.bhat * Bhat.rows();
+    }
+    depth = std::min(depth, limb.end);
+    const Scalar* beta = beta_.data() + column * depth_;
+    for (Index v = limb.v; v < limb.v_end; v += lanes) {
+      const Index rows = std::min<Index>(lanes, limb.v_end - v);
+      const Index end = std::min(depth, path_end_[static_cast<std::size_t>(v + rows - 1)]);
+      std::array<Lanes, count> sum;
+      for (int j = 0; j < count; ++j) { sum[at(j)].setZero(); }
+      const Scalar* l = L_.data() + limb.begin * rows_ + v;
+      for (Index a = limb.begin; a < end; ++a, l += rows_) {
+        const Lanes L = load(l);
+        for (int j = 0; j < count; ++j) { sum[at(j)] += L * beta[j * depth_ + a]; }
+      }
+      for (int j = 0; j < count; ++j) { write<lanes>(target[at(j)] + v, sum[at(j)], 0, rows, limb.parent < 0); }
+    }
+  }
+
+  /// The first `rows` lanes, in runs of halving length: a limb rarely has a multiple of the lanes.
+  template <int run>
+  static void write(Scalar* target, const Lanes& sum, int done, Index rows, bool assign)
+  {
+    if (rows - done >= run) {
+      using Run = Eigen::Array<Scalar, run, 1>;
+      Eigen::Map<Run> to(target + done);
+      const Run part = sum.template segment<run>(done);
+      if (assign) {
+        to = part;
+      } else {
+        to += part;
+      }
+      done += run;
+    }
+    if constexpr (run > 1) { write<run / 2>(target, sum, done, rows, assign); }
+  }
+
+  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
+
+  struct Range {
+    Index begin, end;
+  };
+
+  const Tree* tree_;
+  Limbs limbs_;
+  FrameBuffers frame_buffers_;
+  SortedInputs<Tree> inputs_;
+  Index depth_;             // padded length of the longest path
+  Index rows_;              // n_v, padded so that lanes may begin at any row
+  MatrixX<Scalar> L_;       // rows × depth: Γ⁻¹ diag(C); entry (r, a) belongs to the a-th velocity on r's path
+  MatrixX<Scalar> L_rows_;  // its transpose
+  MatrixX<Scalar> beta_;    // depth × m
+  std::vector<Buffer> H_;
+  std::vector<Index> path_end_;         // of a row: path positions up to and including its subsystem
+  std::vector<Range> limb_subsystems_;  // of a limb: subsystems of its subtree
+  std::vector<Index> first_column_;     // of a subsystem: active columns, sorted, on those before it
+  std::vector<Column> columns_;         // sorted along the tree
+  Index roots_ = 0;
+};
+
+}  // namespace iim::detail

@@ -1,0 +1,88 @@
+// Implicit inversion as a product and by sweeps: the same B̂, the cheaper one chosen, and memory O(n) where that is enough.
+#include "heap_counter.hpp"
+
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <iim/models.hpp>
+
+#include <limits>
+
+using namespace iim;
+
+namespace {
+
+using Tree = decltype(DynamicTree(std::declval<StandardAssembly<double>>()));
+
+/// With a form of one's choice.
+struct Form : ImplicitInversion<Tree> {
+  Form(const Tree& tree, const Inputs<Tree>& inputs, bool product)
+      : ImplicitInversion<Tree>(tree, inputs, product ? 0 : inputs.max_columns() + 1)
+  {
+  }
+};
+
+Index product_from(const StandardAssembly<double>& assembly)
+{
+  const Tree tree(assembly);
+  const Inputs inputs(tree);
+  return ImplicitInversion(tree, inputs).product_from();
+}
+
+}  // namespace
+
+TEST_CASE("product and sweep are the same B̂")
+{
+  constexpr double eps = std::numeric_limits<double>::epsilon();
+  test::RandomOptions options;
+  options.most = 40;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    INFO("seed " << seed);
+    const test::RandomRobot random = test::random_robot(seed, options);
+    const Tree tree(random.assembly);
+    const Inputs inputs = test::make_inputs(tree, random.inputs);
+    test::Random draw(seed);
+    const test::RandomState state = test::random_state(tree, 0, draw);
+    Workspace ws(tree);
+    Form product(tree, inputs, true), sweep(tree, inputs, false);
+    ImplicitInversion method(tree, inputs);
+    const auto fd = forward_dynamics(state.q, state.qd, ws);
+    const auto a = product(fd);
+    const auto b = sweep(fd);
+    const auto c = method(fd);
+    REQUIRE(a.ok());
+    REQUIRE(b.ok());
+    // Row by row: both sum along a path, of up to 40 subsystems with gears of 100. Rows may vanish, up to roundings.
+    const double rounding = 16 * eps * a.Bhat.norm();
+    for (Index i = 0; i < tree.n_v(); ++i) {
+      CHECK((a.Bhat.row(i) - b.Bhat.row(i)).norm() <= 1e5 * eps * a.Bhat.row(i).norm() + rounding);
+    }
+    const bool chosen = inputs.columns() >= method.product_from();
+    CHECK(c.Bhat == (chosen ? MatrixX<double>(a.Bhat) : MatrixX<double>(b.Bhat)));
+  }
+}
+
+TEST_CASE("the product pays on short paths and for many inputs")
+{
+  CHECK(product_from(models::chain<double>(7)) == 1);
+  CHECK(product_from(models::chain<double>(20)) == 1);
+  CHECK(product_from(models::chain<double>(50)) == 9);
+  CHECK(product_from(models::binary_tree<double>(63)) == 9);
+  CHECK(product_from(models::chain<double>(500)) == 501);  // never
+}
+
+#ifdef IIM_COUNTS
+TEST_CASE("workspace and method of a chain of 1000 links with one input take less than 2 MB")
+{
+  const Tree tree(models::chain<double>(1000));
+  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  inputs.add_motor(tree.name(999));
+  const long before = heap_bytes;
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  const long bytes = heap_bytes - before;
+  INFO(bytes << " bytes");
+  CHECK(bytes < 2'000'000);
+  CHECK(method(forward_dynamics(VectorX<double>::Zero(1000), VectorX<double>::Zero(1000), ws)).ok());
+}
+#endif
