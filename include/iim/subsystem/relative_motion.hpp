@@ -85,10 +85,10 @@ struct Dependent {
   {
     using std::atan2;
     const Scalar over = Scalar(1) / (x.value * x.value + y.value * y.value);
-    const Scalar rate = (x.value * y.rate - y.value * x.rate) * over;
+    const Scalar turning = (x.value * y.rate - y.value * x.rate) * over;
     const Scalar stretch = (x.value * x.rate + y.value * y.rate) * over;
-    return {Scalar(atan2(y.value, x.value)), Gradient((x.value * y.gradient - y.value * x.gradient) * over), rate,
-            Scalar((x.value * y.bias - y.value * x.bias) * over - Scalar(2) * rate * stretch)};
+    return {Scalar(atan2(y.value, x.value)), Gradient((x.value * y.gradient - y.value * x.gradient) * over), turning,
+            Scalar((x.value * y.bias - y.value * x.bias) * over - Scalar(2) * turning * stretch)};
   }
 };
 
