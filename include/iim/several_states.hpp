@@ -86,7 +86,8 @@ void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, 
     std::copy(rows + r, rows + r + N, block.begin());
     transpose<T, N>(block);
     for (int l = 0; l < count; ++l) {
-      std::copy(block[static_cast<std::size_t>(l)].data(), block[static_cast<std::size_t>(l)].data() + N, target + l * stride + r);
+      const T* column = block[static_cast<std::size_t>(l)].data();
+      std::copy(column, column + N, target + l * stride + r);
     }
   }
   for (; r < size; ++r) {
@@ -268,9 +269,10 @@ private:
   template <class Matrix>
   static void load(const Matrix& m, Index first, int count, VectorX<Pack>& rows)
   {
-    for (int l = 0; l < lanes; ++l) {
-      const Index column = first + std::min(l, count - 1);
-      for (Index i = 0; i < m.rows(); ++i) { rows(i).data()[l] = m.coeff(i, column); }
+    for (Index i = 0; i < m.rows(); ++i) {
+      Pack row;
+      for (int l = 0; l < lanes; ++l) { row.set(l, m.coeff(i, first + std::min(l, count - 1))); }
+      rows(i) = row;
     }
   }
 
