@@ -1,74 +1,17 @@
 // A Scalar that counts its operations: what a scene costs is a number, and what it does not need costs nothing.
 #include "catch.hpp"
+#include "counted.hpp"
 #include "random_tree.hpp"
 
-#include <cmath>
 #include <iim/models.hpp>
-#include <limits>
-#include <ostream>
-
-namespace {
-
-/// A double that counts multiplications and divisions, additions apart.
-struct Counted {
-  double x = 0;
-  static inline long products = 0, sums = 0, roots = 0;
-
-  Counted() = default;
-  Counted(double value) : x(value) {}
-  Counted(int value) : x(value) {}
-  Counted(long value) : x(static_cast<double>(value)) {}
-  explicit operator double() const { return x; }
-
-  Counted& operator+=(const Counted& b) { return ++sums, x += b.x, *this; }
-  Counted& operator-=(const Counted& b) { return ++sums, x -= b.x, *this; }
-  Counted& operator*=(const Counted& b) { return ++products, x *= b.x, *this; }
-  Counted& operator/=(const Counted& b) { return ++products, x /= b.x, *this; }
-  friend Counted operator+(Counted a, const Counted& b) { return a += b; }
-  friend Counted operator-(Counted a, const Counted& b) { return a -= b; }
-  friend Counted operator*(Counted a, const Counted& b) { return a *= b; }
-  friend Counted operator/(Counted a, const Counted& b) { return a /= b; }
-  friend Counted operator-(const Counted& a) { return Counted(-a.x); }
-  friend bool operator==(const Counted& a, const Counted& b) { return a.x == b.x; }
-  friend auto operator<=>(const Counted& a, const Counted& b) { return a.x <=> b.x; }
-  friend Counted sqrt(const Counted& a) { return ++roots, Counted(std::sqrt(a.x)); }
-  friend Counted sin(const Counted& a) { return ++roots, Counted(std::sin(a.x)); }
-  friend Counted cos(const Counted& a) { return ++roots, Counted(std::cos(a.x)); }
-  friend bool isfinite(const Counted& a) { return std::isfinite(a.x); }
-  friend std::ostream& operator<<(std::ostream& out, const Counted& a) { return out << a.x; }
-};
-
-}  // namespace
-
-template <>
-struct Eigen::NumTraits<Counted> : Eigen::GenericNumTraits<double> {
-  using Real = Counted;
-  using NonInteger = Counted;
-  using Literal = Counted;
-  using Nested = Counted;
-  enum { RequireInitialization = 1 };
-  static Counted epsilon() { return std::numeric_limits<double>::epsilon(); }
-  static Counted dummy_precision() { return 1e-12; }
-  static Counted highest() { return std::numeric_limits<double>::max(); }
-  static Counted lowest() { return std::numeric_limits<double>::lowest(); }
-  static Counted quiet_NaN() { return std::numeric_limits<double>::quiet_NaN(); }
-};
 
 using namespace iim;
 
 namespace {
 
+using test::Counted;
 using Assembly = StandardAssembly<Counted>;
 using Tree = decltype(DynamicTree(std::declval<Assembly>()));
-
-/// Products that f does.
-template <class F>
-long count(F&& f)
-{
-  Counted::products = Counted::sums = Counted::roots = 0;
-  f();
-  return Counted::products;
-}
 
 struct Scenario {
   Tree tree;
@@ -96,12 +39,12 @@ struct Scenario {
   template <Scene scene = Scene{}>
   long pass()
   {
-    return count([&] { REQUIRE(forward_dynamics<scene>(q, qd, ws).ok()); });
+    return test::count_products([&] { REQUIRE(forward_dynamics<scene>(q, qd, ws).ok()); });
   }
   long invert()
   {
     const auto fd = forward_dynamics(q, qd, ws);
-    return count([&] { REQUIRE(method(fd).ok()); });
+    return test::count_products([&] { REQUIRE(method(fd).ok()); });
   }
 };
 

@@ -36,7 +36,7 @@ public:
         rows_(padded<Scalar>(tree.n_v()) + lanes), L_(rows_, depth_), L_rows_(depth_, tree.n_v()),
         beta_(depth_, inputs.max_columns()),
         H_(static_cast<std::size_t>(frame_buffers_.count())),
-        first_column_(static_cast<std::size_t>(tree.size()) + 1, 0),
+        first_column_(static_cast<std::size_t>(tree.size()) + 1, 0), needed_(static_cast<std::size_t>(tree.size()), 0),
         columns_(static_cast<std::size_t>(inputs.max_columns()))
   {
     L_.setZero();
@@ -81,12 +81,17 @@ private:
   template <class Workspace>
   void outward(const Workspace& ws)
   {
+    number_inputs();
     Index column = 0;
     tree_->outward([&]<class N, class S>(const N& node, const S&) {
       const NodeState<S>& state = ws.template node<S>(node);
-      for (Index a = 0; a < node.path_v; a += lanes) { propagate<S>(node, state, a); }
+      // Columns that no input reaches are not computed; those of a subsystem's ancestors that one does come first.
+      Index& needed = needed_[static_cast<std::size_t>(node.index)];
+      needed = node.path_v;
+      if (node.parent >= 0 && !reached(tree_->node(node.parent))) { needed = needed_[static_cast<std::size_t>(node.parent)]; }
+      for (Index a = 0; a < needed; a += lanes) { propagate<S>(node, state, a, needed); }
+      if (!reached(node)) { return; }
       if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
-      first_column_[static_cast<std::size_t>(node.index)] = column;
       const Index depth = node.path_v + S::n_i;
       inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
         if (input.kind == InputKind::motor) {
@@ -101,12 +106,29 @@ private:
         }
       });
     });
+  }
+
+  /// first_column_: of the sorted active columns, per subsystem.
+  void number_inputs()
+  {
+    Index column = 0;
+    for (Index i = 0; i < tree_->size(); ++i) {
+      first_column_[static_cast<std::size_t>(i)] = column;
+      inputs_.for_each_on(i, [&](const Input<Scalar>& input, Index) { column += input.size; });
+    }
     first_column_.back() = column;
+  }
+
+  /// Whether an active input acts on the subtree of a subsystem.
+  template <class N>
+  bool reached(const N& node) const
+  {
+    return first_column_[static_cast<std::size_t>(node.index)] < first_column_[static_cast<std::size_t>(node.subtree_end)];
   }
 
   /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
   template <class S, class N>
-  void propagate(const N& node, const NodeState<S>& state, Index a)
+  void propagate(const N& node, const NodeState<S>& state, Index a, Index needed)
   {
     constexpr int n_i = S::n_i;
     const Scalar* inlet = H(node.inlet) + a;
@@ -121,7 +143,7 @@ private:
       l[at(d)] = -state.W(d, 0) * y[0];
       for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
       store(L_rows_.data() + (node.v + d) * depth_ + a, l[at(d)]);
-      const Index count = std::min<Index>(lanes, node.path_v - a);
+      const Index count = std::min<Index>(lanes, needed - a);
       for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
     }
     for (int k = 0; k < S::n_frames; ++k) {
@@ -286,6 +308,7 @@ private:
   std::vector<Index> path_end_;         // of a row: path positions up to and including its subsystem
   std::vector<Range> limb_subsystems_;  // of a limb: subsystems of its subtree
   std::vector<Index> first_column_;     // of a subsystem: active columns, sorted, on those before it
+  std::vector<Index> needed_;           // of a subsystem: path positions of ancestors that an input reaches
   std::vector<Column> columns_;         // sorted along the tree
   Index roots_ = 0;
 };

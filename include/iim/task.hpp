@@ -130,6 +130,7 @@ public:
   TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd, const AffineDynamics<Scalar>& affine)
   {
     assert(affine.Bhat.cols() <= JB_.cols() && "inputs were added after the last task");
+    assert(fd.scene() == scene && "Tasks' Scene is that of the pass");
     if (!fd.ok()) { return result(affine.Bhat.cols(), fd.status(), fd.subsystem()); }
     if (!affine.ok()) { return result(affine.Bhat.cols(), affine.status, affine.subsystem); }
     evaluate(fd);
