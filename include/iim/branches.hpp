@@ -21,6 +21,10 @@ namespace iim::detail {
 template <class Scalar>
 inline constexpr int lane_count = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
 
+/// How many columns of B̂ share one load of such numbers in the product for B̂.
+template <class Scalar>
+inline constexpr int tile_count = 4;
+
 /// What holds them; a Scalar with registers of its own has its own (lanes.hpp).
 template <class Scalar>
 struct LanesOf {

@@ -346,6 +346,8 @@ namespace detail {
 /// Rows or columns that one step of a loop of the input-Jacobian methods treats: each is a register already.
 template <class T, int N>
 inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
+template <class T, int N>
+inline constexpr int tile_count<iim::Lanes<T, N>> = 8;
 
 /// What holds them. An Eigen::Array would do, if compilers inlined its expressions of registers (measured: 2× for B̂).
 template <class T, int N, int count>

@@ -65,7 +65,7 @@ public:
 
 private:
   static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
-  static constexpr int tile = 4;                            ///< columns of B̂ that share one load of L
+  static constexpr int tile = tile_count<Scalar>;   ///< columns of B̂ that share one load of L
   using Lanes = detail::Lanes<Scalar>;
   using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
 
@@ -240,13 +240,17 @@ private:
       const Index end = first_column_[static_cast<std::size_t>(subtree_end)];
       Index j = first_column_[static_cast<std::size_t>(subsystem)];
       for (; j + tile <= end; j += tile) { multiply_tile<tile>(limbs_[k], j, Bhat); }
+      if constexpr (tile > 4) {
+        for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], j, Bhat); }
+        for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], j, Bhat); }
+      }
       for (; j < end; ++j) { multiply_tile<1>(limbs_[k], j, Bhat); }
     }
   }
 
   /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
   template <int count, class Matrix>
-  void multiply_tile(const Limb& limb, Index column, Matrix& Bhat)
+  [[gnu::noinline]] void multiply_tile(const Limb& limb, Index column, Matrix& Bhat)
   {
     Index depth = 0;
     std::array<Scalar*, count> target;

@@ -160,8 +160,10 @@ struct HingeRow {
   static constexpr int n_frames = n;
   static constexpr auto count = static_cast<std::size_t>(n);
 
-  std::array<Vector3<Scalar>, count> axis{};    ///< unit vectors, in the axes of the frame before
-  std::array<Vector3<Scalar>, count> offset{};  ///< of the hinges, in the frame before [m]; offset[0] is not read
+  /// Unit vectors, in the axes of the frame before.
+  std::array<Vector3<Scalar>, count> axis = all(Vector3<Scalar>::UnitZ());
+  /// Of the hinges, in the frame before [m]; offset[0] is not read.
+  std::array<Vector3<Scalar>, count> offset = all(Vector3<Scalar>::Zero());
 
   void prepare(const std::string& owner)
   {
@@ -190,6 +192,14 @@ struct HingeRow {
       other.offset[k] = offset[k].template cast<T>();
     }
     return other;
+  }
+
+private:
+  static std::array<Vector3<Scalar>, count> all(const Vector3<Scalar>& value)
+  {
+    std::array<Vector3<Scalar>, count> values;
+    values.fill(value);
+    return values;
   }
 };
 
