@@ -49,6 +49,12 @@ Options read(int argc, char** argv)
 
 std::string whole(double x) { return bench::text("%.0f", x); }
 
+/// "–" where no column goes from one such subsystem to the next: fixed ones have no rows, free ones no coupling.
+std::string of_column(const bench::Cost& column, const std::string& text)
+{
+  return column.operations.products > 0 ? text : "–";
+}
+
 bench::Table table_of_types(bool quick)
 {
   bench::Table table({"subsystem", "n_i", "q̈₀: products", "sums", "√, sin …", "time [ns]", "column of B̂: products", "sums",
@@ -58,8 +64,9 @@ bench::Table table_of_types(bool quick)
       std::cerr << cost.name << '\n';
       const bench::Operations &all = cost.qdd0.operations, &column = cost.column.operations;
       table.add({cost.name, std::to_string(cost.n_i), whole(all.products), whole(all.sums), whole(all.functions),
-                 whole(cost.qdd0.nanoseconds), whole(column.products), whole(column.sums),
-                 bench::text("%.1f", cost.column.nanoseconds)});
+                 whole(cost.qdd0.nanoseconds), of_column(cost.column, whole(column.products)),
+                 of_column(cost.column, whole(column.sums)),
+                 of_column(cost.column, bench::text("%.1f", cost.column.nanoseconds))});
     }
   }
   return table;
