@@ -136,9 +136,9 @@ std::vector<Figure> featherstone(bool quick, Report& report)
       row.push_back(text("%.3g", x));
       if (std::isfinite(x)) { curve.points.push_back({static_cast<double>(n), x}); }
     }
-    // From the last doubling.
+    // From the last three doublings.
     const std::size_t last = curve.points.size() - 1;
-    const double growth = std::log2(curve.points[last].y / curve.points[last - 1].y);
+    const double growth = std::log2(curve.points[last].y / curve.points[last - 3].y) / 3;
     row.push_back(straight_line ? "N^4" : growth > 6 ? "faster" : "N^" + text("%.2f", growth));
     table.add(row);
     figure.curves.push_back(curve);
