@@ -5,6 +5,9 @@
 #include <iim/law_suite.hpp>
 #include <iim/subsystem/compound.hpp>
 
+#include <cstddef>
+#include <new>
+
 using namespace iim;
 using namespace iim::test;
 
@@ -68,4 +71,17 @@ TEST_CASE("A wrist as one subsystem is the wrist as three links")
     CHECK(relative_error(x.qdd0, y.qdd0) < 1e5 * eps);
     CHECK(relative_error(x.Bhat, y.Bhat) < 1e5 * eps);
   }
+}
+
+TEST_CASE("Hinges in a row start as hinges about z in one point")
+{
+  // In memory that held something else.
+  alignas(Wrist<double>) std::array<std::byte, sizeof(Wrist<double>)> memory;
+  memory.fill(std::byte{0xff});
+  const auto* wrist = new (memory.data()) Wrist<double>;
+  for (std::size_t k = 0; k < 3; ++k) {
+    CHECK(wrist->mechanism.axis[k] == Vec3::UnitZ());
+    CHECK(wrist->mechanism.offset[k] == Vec3::Zero());
+  }
+  wrist->~Wrist<double>();
 }
