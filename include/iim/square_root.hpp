@@ -252,8 +252,8 @@ template <int n, class Scalar, int most>
       best = Scalar(1);
     }
     const auto [alpha, factor] = reflector(x.data(), best);
-    // Below this v is made of roundings: the coordinate moves nothing.
-    const Scalar negligible = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
+    // Below this v is made of roundings: the coordinate moves nothing, or no digit of what it moves is left.
+    const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
     regular &= ScalarTraits<Scalar>::is_positive(abs(alpha) - negligible);
     for (int r = active; r < active + abreast; ++r) { x[static_cast<std::size_t>(r)] = Scalar(0); }
     RootRow<Scalar>* const open = rows.data() + k;
@@ -304,7 +304,7 @@ template <class Scalar, int most>
   for (int k = 5; k >= 0; --k) {
     const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
     const int row = pivot[static_cast<std::size_t>(k)];
-    const Scalar negligible = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
+    const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
     regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
     const Scalar inverse = Scalar(1) / n(row);
     for (int c = 0; c < 6; ++c) {

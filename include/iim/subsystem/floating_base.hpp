@@ -76,7 +76,7 @@ struct FloatingBase {
     const Eigen::Quaternion<Scalar> rotation(q(6), q(3), q(4), q(5));
     const Eigen::Quaternion<Scalar> omega(Scalar(0), qd(3), qd(4), qd(5));
     Eigen::Matrix<Scalar, 7, 1> rate;
-    rate.template head<3>() = rotation.toRotationMatrix() * qd.template head<3>();
+    rate.template head<3>() = rotation.normalized().toRotationMatrix() * qd.template head<3>();  // as `motion` has it
     rate.template tail<4>() = (rotation * omega).coeffs() / Scalar(2);
     return rate;
   }
