@@ -139,7 +139,7 @@ std::vector<Figure> featherstone(bool quick, Report& report)
     // From the last three doublings.
     const std::size_t last = curve.points.size() - 1;
     const double growth = std::log2(curve.points[last].y / curve.points[last - 3].y) / 3;
-    row.push_back(straight_line ? "N^4" : growth > 6 ? "faster" : "N^" + text("%.2f", growth));
+    row.push_back(straight_line ? "N^4" : growth > 4.5 ? "faster" : "N^" + text("%.2f", growth));
     table.add(row);
     figure.curves.push_back(curve);
   };
