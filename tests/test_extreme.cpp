@@ -1,0 +1,68 @@
+// Bounds on the error of B̂ and q̈₀ over 100 random states of every plain and extreme scene: the scenes, the measure and the
+// sensitivity are those of the accuracy report. In ε of the Scalar.
+#include "catch.hpp"
+
+#include "../bench/accuracy_bounds.cpp"
+#include "../bench/accuracy_scenes.cpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
+namespace {
+
+using bench::Bound;
+
+constexpr const char* scalars[] = {"double", "float"};
+enum { printed, projected, square_root };
+
+bool is_one_of(const std::string& name, std::initializer_list<const char*> beginnings)
+{
+  return std::any_of(beginnings.begin(), beginnings.end(), [&](const char* b) { return name.starts_with(b); });
+}
+
+void hold(const Bound::Worst& worst, double bound)
+{
+  CHECK(worst.error <= bound);  // false for NaN
+}
+
+}  // namespace
+
+TEST_CASE("errors on plain and extreme scenes stay within their bounds")
+{
+  for (const Bound& scene : bench::accuracy_bounds(true)) {
+    for (std::size_t s = 0; s < 2; ++s) {
+      const Bound::Tier& p = scene.tiers[s][projected];
+      const Bound::Tier& r = scene.tiers[s][square_root];
+      std::printf("%-58s %-6s projected %8.3g %8.3g (%d refused), square root %8.3g (%.2g) %8.3g (%.2g) (%d refused)\n",
+                  scene.name.c_str(), scalars[s], p.Bhat.error, p.qdd0.error, p.Bhat.refused, r.Bhat.error,
+                  r.Bhat.sensitivity, r.qdd0.error, r.qdd0.sensitivity, r.Bhat.refused);
+      INFO(scene.name << ", " << scalars[s]);
+
+      // The default.
+      if (is_one_of(scene.name, {"biped", "chain of", "tree of", "parallel axes", "mass ÷ 10", "massless middle",
+                                 "gear ratio 1000, rotor 1e6"})) {
+        hold(p.Bhat, 16);
+        hold(p.qdd0, std::max(16.0, 16 * p.qdd0.sensitivity));
+        CHECK(p.Bhat.refused == 0);
+      }
+      // Thin rods: the small moment of inertia has the digits that the large one, 35 times as large, leaves.
+      if (is_one_of(scene.name, {"arm of 7", "arm at", "stretched arm", "speeds of 1e3"})) {
+        hold(p.Bhat, 4 * 35);
+        hold(p.qdd0, 4 * 35);
+        CHECK(p.Bhat.refused == 0);
+      }
+
+      // The square-root form, on all of them.
+      if (is_one_of(scene.name, {"near-coincident axes: 1e-6 m"})) {
+        // Links of 1 µm: N S is the small rest of products that are a million times as large, whatever the form.
+        hold(r.Bhat, 2e7);
+        hold(r.qdd0, 2e7);
+        continue;
+      }
+      hold(r.Bhat, std::max(64.0, 100 * r.Bhat.sensitivity));
+      // Links of 1 mm: V̇ of the next link is the small difference of two large S q̈, in every method.
+      hold(r.qdd0, std::max(is_one_of(scene.name, {"links of 1 mm"}) ? 1e4 : 64.0, 100 * r.qdd0.sensitivity));
+    }
+  }
+}
