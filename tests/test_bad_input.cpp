@@ -206,3 +206,20 @@ TEST_CASE("inputs", "[bad input]")
   check_names(message_of([&] { tree.index("leg"); }), "'leg'");
   check_names(message_of([&] { tree.frame("leg"); }), "'leg'");
 }
+
+namespace {
+
+/// A type whose author forgot to look at the body.
+struct Careless : RevoluteLink<double> {
+  void prepare(const std::string& name) { joint.prepare(name); }
+};
+
+}  // namespace
+
+TEST_CASE("a body that cannot exist is found also where a type of one's own does not look")
+{
+  Careless link;
+  link.body.mass = 1;
+  link.body.inertia = Eigen::Vector3d(1, 1, 5).asDiagonal();
+  CHECK_THROWS_WITH(DynamicTree(Assembly<Careless>().add("blade", {}, link)), ContainsSubstring("'blade'"));
+}

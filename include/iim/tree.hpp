@@ -150,6 +150,7 @@ private:
       owner_.push_back(node.index);
     }
     for (const CarriedBody<Scalar>& carried : s.bodies()) {
+      validate(carried.body, "subsystem '" + part.name + "'");  // also where a type's prepare() does not look
       FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
                                                   : frame_mass_[static_cast<std::size_t>(node.frame + carried.frame)];
       mass.add(carried.body);
