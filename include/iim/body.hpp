@@ -93,16 +93,11 @@ struct FrameMass {
   }
 };
 
-/// Throws ModelError, naming `owner`, unless the body can exist: finite, mass > 0, inertia symmetric, without a
-/// negative principal moment, and no principal moment larger than the sum of the others.
+/// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric, without
+/// a negative principal moment, and no principal moment larger than the sum of the others.
 template <class Scalar>
-void validate(const Body<Scalar>& body, const std::string& owner)
+void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 {
-  if (body.is_massless) { return; }
-  if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {
-    throw ModelError(owner + ": mass must be positive and finite, got " + detail::to_text(body.mass) +
-                     " kg (Body::massless() makes a part without inertia)");
-  }
   if (!detail::all_finite(body.com)) {
     throw ModelError(owner + ": centre of mass must be finite, got " + detail::to_text(body.com));
   }
@@ -126,6 +121,18 @@ void validate(const Body<Scalar>& body, const std::string& owner)
   if (moment(2) > (moment(0) + moment(1)) * (1 + slack) + slack) {
     throw ModelError(owner + ": one principal moment of inertia exceeds the sum of the other two" + moments);
   }
+}
+
+/// The same for a body that must have a mass, positive and finite, unless it is massless().
+template <class Scalar>
+void validate(const Body<Scalar>& body, const std::string& owner)
+{
+  if (body.is_massless) { return; }
+  if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {
+    throw ModelError(owner + ": mass must be positive and finite, got " + detail::to_text(body.mass) +
+                     " kg (Body::massless() makes a part without inertia)");
+  }
+  validate_inertia(body, owner);
 }
 
 }  // namespace iim

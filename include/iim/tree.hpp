@@ -150,7 +150,8 @@ private:
       owner_.push_back(node.index);
     }
     for (const CarriedBody<Scalar>& carried : s.bodies()) {
-      validate(carried.body, "subsystem '" + part.name + "'");  // also where a type's prepare() does not look
+      // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
+      validate_inertia(carried.body, "subsystem '" + part.name + "'");
       FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
                                                   : frame_mass_[static_cast<std::size_t>(node.frame + carried.frame)];
       mass.add(carried.body);
