@@ -1,0 +1,187 @@
+// What every tree keeps, however its topology is known: numbers, names, placements and bodies of its subsystems.
+#pragma once
+
+#include <iim/assembly.hpp>
+#include <iim/body.hpp>
+#include <iim/errors.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace iim {
+
+/// Where the numbers of one subsystem are. Subsystems and velocities are numbered depth first.
+struct Node {
+  Index index = 0;        ///< of the subsystem
+  Index parent = -1;      ///< subsystem; −1: the world
+  Index inlet = -1;       ///< frame that it hangs on; −1: the world
+  Index frame = 0;        ///< its first frame
+  Index q = 0;            ///< its first coordinate
+  Index v = 0;            ///< its first velocity
+  Index u = 0;            ///< its first motor
+  Index bbar = 0;         ///< its B̄ block in Workspace::Bbar
+  Index path_v = 0;       ///< number of velocities of its ancestors
+  Index subtree_end = 0;  ///< first subsystem after its subtree
+  Index v_end = 0;        ///< first velocity after its subtree
+  int type = 0;           ///< which type of subsystem (dynamic trees)
+  std::size_t slot = 0;   ///< which of that type (dynamic trees)
+};
+
+/// A frame by name: which frame of the tree, and where on it.
+template <class Scalar>
+struct FrameReference {
+  Index subsystem = -1;
+  Index frame = -1;  ///< −1: the world
+  Placement<Scalar> at;
+};
+
+namespace detail {
+
+/// What both kinds of tree keep: names, placements, bodies, numbers of coordinates.
+template <class Scalar_>
+class TreeData {
+public:
+  using Scalar = Scalar_;
+
+  Index size() const { return static_cast<Index>(nodes_.size()); }  ///< number of subsystems
+  Index n_q() const { return n_q_; }                                ///< number of coordinates
+  Index n_v() const { return n_v_; }                                ///< number of velocities, the paper's n
+  Index n_motors() const { return n_u_; }                           ///< number of motor inputs
+  Index n_frames() const { return static_cast<Index>(frame_mass_.size()); }
+  Index max_path_v() const { return max_path_v_; }  ///< longest path from the world, in velocities
+  Index n_bbar() const { return n_bbar_; }
+
+  const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
+  const std::vector<Node>& nodes() const { return nodes_; }
+  const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
+  const std::string& name(Index i) const { return names_[static_cast<std::size_t>(i)]; }
+  const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
+  bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
+  /// Whether the axes of subsystem i are made orthogonal again: at every 16th of a path.
+  bool straightens(Index i) const { return depth_[static_cast<std::size_t>(i)] % 16 == 15; }
+  const FrameMass<Scalar>& frame_mass(Index frame) const { return frame_mass_[static_cast<std::size_t>(frame)]; }
+  const FrameMass<Scalar>& inlet_mass(Index i) const { return inlet_mass_[static_cast<std::size_t>(i)]; }
+  /// Subsystem that owns a frame.
+  Index owner(Index frame) const { return owner_[static_cast<std::size_t>(frame)]; }
+
+  /// Number of the subsystem of that name. Throws ModelError if there is none.
+  Index index(const std::string& name) const
+  {
+    for (Index i = 0; i < size(); ++i) {
+      if (this->name(i) == name) { return i; }
+    }
+    throw ModelError("there is no subsystem '" + name + "'");
+  }
+
+  /// Frame of that name: a subsystem's first frame, or one given by Assembly::add_frame. Throws ModelError.
+  const FrameReference<Scalar>& frame(const std::string& name) const
+  {
+    const auto found = named_frames_.find(name);
+    if (found == named_frames_.end()) { throw ModelError("there is no subsystem or frame '" + name + "'"); }
+    return found->second;
+  }
+
+  const std::map<std::string, FrameReference<Scalar>>& named_frames() const { return named_frames_; }
+
+protected:
+  template <class AssemblyType>
+  explicit TreeData(const AssemblyType& assembly, const std::vector<typename AssemblyType::NamedPart>& parts)
+      : gravity_(assembly.gravity())
+  {
+    for (const auto& part : parts) {
+      std::visit([&](const auto& s) { append(part, s); }, part.part);
+    }
+    close_subtrees();
+    for (const auto& frame : assembly.named_frames()) {
+      FrameReference<Scalar> reference{-1, -1, {frame.on.R, frame.on.p}};
+      if (frame.on.parent != "world") {
+        reference.subsystem = index(frame.on.parent);
+        reference.frame = node(reference.subsystem).frame + frame.on.outlet;
+      }
+      named_frames_[frame.name] = reference;
+    }
+  }
+
+  std::vector<Node> nodes_;
+
+private:
+  template <class Part, class S>
+  void append(const Part& part, const S& s)
+  {
+    Node node;
+    node.index = size();
+    node.parent = part.parent;
+    node.frame = n_frames();
+    node.q = n_q_;
+    node.v = n_v_;
+    node.u = n_u_;
+    node.bbar = n_bbar_;
+    if (part.parent >= 0) {
+      const Node& parent = this->node(part.parent);
+      node.inlet = parent.frame + part.on.outlet;
+      node.path_v = parent.path_v + (parent.v_end - parent.v);  // v_end is the parent's own until close_subtrees
+    }
+    n_q_ += S::n_q;
+    n_v_ += S::n_i;
+    n_u_ += S::n_u;
+    n_bbar_ += S::n_i * S::n_u;
+    node.v_end = n_v_;
+    node.subtree_end = node.index + 1;
+    max_path_v_ = std::max(max_path_v_, node.path_v + S::n_i);
+    nodes_.push_back(node);
+
+    names_.push_back(part.name);
+    placements_.push_back({part.on.R, part.on.p});
+    turns_.push_back(part.on.R != Matrix3<Scalar>::Identity());
+    depth_.push_back(part.parent < 0 ? 0 : depth_[static_cast<std::size_t>(part.parent)] + 1);
+    inlet_mass_.emplace_back();
+    for (int k = 0; k < S::n_frames; ++k) {
+      frame_mass_.emplace_back();
+      owner_.push_back(node.index);
+    }
+    for (const CarriedBody<Scalar>& carried : s.bodies()) {
+      // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
+      validate_inertia(carried.body, "subsystem '" + part.name + "'");
+      FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
+                                                  : frame_mass_[static_cast<std::size_t>(node.frame + carried.frame)];
+      mass.add(carried.body);
+    }
+    named_frames_[part.name] = {node.index, node.frame, {}};
+  }
+
+  void close_subtrees()
+  {
+    for (auto node = nodes_.rbegin(); node != nodes_.rend(); ++node) {
+      if (node->parent >= 0) {
+        Node& parent = nodes_[static_cast<std::size_t>(node->parent)];
+        parent.subtree_end = std::max(parent.subtree_end, node->subtree_end);
+        parent.v_end = std::max(parent.v_end, node->v_end);
+      }
+    }
+  }
+
+  Vector3<Scalar> gravity_;
+  Index n_q_ = 0;
+  Index n_v_ = 0;
+  Index n_u_ = 0;
+  Index n_bbar_ = 0;
+  Index max_path_v_ = 0;
+  std::vector<std::string> names_;
+  std::vector<Placement<Scalar>> placements_;
+  std::vector<char> turns_;
+  std::vector<Index> depth_;  // number of ancestors
+  std::vector<FrameMass<Scalar>> frame_mass_;
+  std::vector<FrameMass<Scalar>> inlet_mass_;
+  std::vector<Index> owner_;
+  std::map<std::string, FrameReference<Scalar>> named_frames_;
+};
+
+}  // namespace detail
+
+}  // namespace iim
