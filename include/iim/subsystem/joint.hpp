@@ -48,10 +48,8 @@ struct UnitAxis {
   /// turned = R·exp(angle·direction~), w = R·direction.
   void turn(const Matrix3<Scalar>& R, const Vector3<Scalar>& w, const Scalar& angle, Matrix3<Scalar>& turned) const
   {
-    using std::cos;
-    using std::sin;
-    const Scalar c = cos(angle);
-    const Scalar s = sin(angle);
+    Scalar s, c;
+    sine_cosine(angle, s, c);
     if (aligned >= 0) {
       const int i = aligned == 2 ? 0 : aligned + 1;
       const int j = aligned == 0 ? 2 : aligned - 1;
