@@ -15,6 +15,7 @@ sh cmake/run.sh VERB [-- further arguments]
   peers      compares with other libraries, those that this machine has; leaves build/report/
   accuracy   error by scalar, update and model; leaves build/report/
   types      what each type of subsystem costs, and a legged machine by all methods; leaves build/report/
+  several    several states at once on one core, against one at a time; leaves build/report/
   setup VERB [clang]   only installs what VERB needs (and clang++)
   help       this text
 
@@ -142,7 +143,7 @@ needs_of() {  # what VERB cannot do without
     test) echo cmake compiler maker eigen catch2 ;;
     tables) echo cmake compiler maker eigen benchmark boost ;;
     peers | accuracy) echo cmake compiler maker eigen benchmark boost ;;
-    types) echo cmake compiler maker eigen ;;
+    types | several) echo cmake compiler maker eigen ;;
     *) die "there is no verb '$1' (sh cmake/run.sh help)" ;;
   esac
 }
@@ -296,6 +297,7 @@ case $verb in
   peers) run_program peers iim_peers "$@" ;;
   accuracy) run_program accuracy iim_accuracy "$@" ;;
   types) run_program types iim_types "$@" ;;
+  several) run_program several iim_several "$@" ;;
   help | -h | --help) help ;;
   *) help >&2; die "there is no verb '$verb'" ;;
 esac
