@@ -1,12 +1,12 @@
 // Implicit inversion as a product and by sweeps: the same B̂, the cheaper one chosen, and memory O(n) where that is enough.
-#include "heap_counter.hpp"
-
 #include "catch.hpp"
 #include "random_tree.hpp"
 
 #include <iim/models.hpp>
 
 #include <limits>
+
+#include "heap_counter.hpp"
 
 using namespace iim;
 

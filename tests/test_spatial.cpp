@@ -100,8 +100,14 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
         before += n * n.transpose();
       }
       std::array<detail::RootRow<double>, 6> result;
-      const int left = detail::compress<most>(rows, count, result);
+      std::array<int, 6> pivot{};
+      const int left = detail::compress<most>(rows, count, result.data(), pivot);
       CHECK(left == std::min(count, 6));
+      for (int r = 0; r < left; ++r) {
+        for (int k = 0; k < r; ++k) {
+          CHECK(result[static_cast<std::size_t>(r)](pivot[static_cast<std::size_t>(k)]) == 0);
+        }
+      }
       Eigen::Matrix<long double, 7, 7> after = Eigen::Matrix<long double, 7, 7>::Zero();
       for (int r = 0; r < left; ++r) {
         const Eigen::Matrix<long double, 7, 1> n =
