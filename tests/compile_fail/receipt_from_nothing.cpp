@@ -10,7 +10,7 @@ void use(iim::Workspace<Tree>& workspace)
 #ifdef IIM_CORRECT
   const iim::ForwardDynamics<iim::Workspace<Tree>> receipt = iim::forward_dynamics(q, qd, workspace);
 #else
-  const iim::ForwardDynamics<iim::Workspace<Tree>> receipt(workspace, iim::Status::ok, -1);
+  const iim::ForwardDynamics<iim::Workspace<Tree>> receipt(workspace, iim::Scene{}, 0.0, iim::Status::ok, -1);
 #endif
   (void)receipt;
 }
