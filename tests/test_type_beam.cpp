@@ -105,7 +105,7 @@ TEST_CASE("A rotating beam stiffens as published; without shortening it does not
     const DynamicTree tree(parts.add("blade", {}, beam));
     Workspace ws(tree);
     for (const auto& [rate, frequency] : published) {
-      const auto stiffness_and_inertia = [&] {
+      const auto stiffness_and_inertia = [&, rate = rate] {
         Eigen::MatrixXd K(7, 7), M;
         Eigen::VectorXd qd = Eigen::VectorXd::Zero(8);
         qd(0) = rate;
