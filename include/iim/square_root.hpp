@@ -129,14 +129,13 @@ template <class Scalar, class Factor>
   return (a + b) + (c + d);
 }
 
-/// rows −= w xᵀ; then columns where `keep` is 0 are 0. Returns the squares, summed by column.
+/// rows −= w xᵀ. Returns the squares, summed by column.
 template <class Scalar, class Factor>
-[[gnu::always_inline]] inline RootRow<Scalar> subtract(RootRow<Scalar>* rows, int count, const RootRow<Scalar>& w,
-                                                       Factor&& x, const RootRow<Scalar>& keep)
+[[gnu::always_inline]] inline RootRow<Scalar> subtract(RootRow<Scalar>* rows, int count, const RootRow<Scalar>& w, Factor&& x)
 {
   RootRow<Scalar> a = RootRow<Scalar>::Zero(), b = a, c = a, d = a;
   const auto step = [&](int r, RootRow<Scalar>& sum) {
-    const RootRow<Scalar> n = (rows[r] - w * x(r)) * keep;
+    const RootRow<Scalar> n = rows[r] - w * x(r);
     rows[r] = n;
     sum += n * n;
   };
@@ -199,15 +198,16 @@ int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<
     const auto [column, best] = largest_of_six(square);
     if (!(best > Scalar(0))) { return k; }  // what is left is zero
     pivot[static_cast<std::size_t>(k)] = column;
-    RootRow<Scalar> keep;
-    for (int l = 0; l < 8; ++l) { keep(l) = Scalar(l == column ? 0 : 1); }
+    RootRow<Scalar> unit;
+    for (int l = 0; l < 8; ++l) { unit(l) = Scalar(l == column ? 1 : 0); }
     const auto x = [&, c = column](int r) -> const Scalar& { return rows[r](c); };
     Scalar top = x(0);
     const RootRow<Scalar> first = rows[0];
     const RootRow<Scalar> sum = weighted_sum(rows, active, x);
     const auto [alpha, factor] = reflector(&top, best);
-    const RootRow<Scalar> w = (sum - first * alpha) * factor;  // top − first(column) = −alpha
-    square = subtract(rows + 1, active - 1, w, [&](int r) -> const Scalar& { return x(r + 1); }, keep);
+    // top − first(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
+    const RootRow<Scalar> w = (sum - first * alpha) * factor * (Scalar(1) - unit) + unit;
+    square = subtract(rows + 1, active - 1, w, [&](int r) -> const Scalar& { return x(r + 1); });
     result[k] = sum * (Scalar(1) / alpha);  // = first − w top, without its cancellation; alpha in its column
   }
   return 6;
@@ -259,7 +259,7 @@ template <int n, class Scalar, int most>
     RootRow<Scalar>* const open = rows.data() + k;
     const auto entry = [&](int r) -> const Scalar& { return x[static_cast<std::size_t>(r)]; };
     const RootRow<Scalar> w = weighted_sum(open, active, entry) * factor;
-    subtract(open, active, w, entry, RootRow<Scalar>(RootRow<Scalar>::Ones()));
+    subtract(open, active, w, entry);
     for (int c = 0; c < n; ++c) {
       if (done[static_cast<std::size_t>(c)]) { continue; }
       Scalar dot(0);
