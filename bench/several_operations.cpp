@@ -1,8 +1,7 @@
 // PART OF: iim_several
-#include "several.hpp"
-#include "several_counted.hpp"
-
+#include "counted.hpp"
 #include "pool.hpp"
+#include "several.hpp"
 
 namespace bench {
 
@@ -15,12 +14,12 @@ std::pair<double, double> operations(const peers::Model& model)
   iim::Workspace<Tree<Counted>> workspace(tree);
   iim::ImplicitInversion<Tree<Counted>> method(tree, inputs);
   const State<Counted> x = random_states(tree, inputs.columns(), 1, 4711)[0].cast<Counted>();
-  Counted::operations = 0;
+  Counted::done = {};
   const bool ok = method(iim::forward_dynamics(x.q, x.qd, workspace)).ok();
-  const double both = ok ? static_cast<double>(Counted::operations) : 0;
-  Counted::operations = 0;
+  const double both = ok ? Counted::done.all() : 0;
+  Counted::done = {};
   iim::forward_dynamics(x.q, x.qd, inputs, x.u, workspace);
-  return {both, static_cast<double>(Counted::operations)};
+  return {both, Counted::done.all()};
 }
 
 }  // namespace bench

@@ -1,7 +1,7 @@
 // What a type of subsystem costs.
 #pragma once
 
-#include "types_counted.hpp"
+#include "counted.hpp"
 
 #include <string>
 #include <vector>

@@ -3,6 +3,7 @@
 
 #include <iim/global_inverse.hpp>
 #include <iim/recursive_inverse.hpp>
+#include <iim/subsystem_matrices.hpp>
 #include <iim/subsystem/elastic_motor_arm.hpp>
 #include <iim/subsystem/sprung.hpp>
 #include <iim/unit_force.hpp>
@@ -167,6 +168,28 @@ TEST_CASE("a step of length 0 is forward dynamics")
   const test::RandomState state = test::random_state(tree, 0, draw, 3.0);
   Workspace now(tree), step(tree);
   CHECK(forward_dynamics(state.q, state.qd, now).qdd0() == implicit_step(state.q, state.qd, 0.0, step).qdd0());
+}
+
+TEST_CASE("the matrices of a subsystem have what the step adds")
+{
+  const Sample s = sample(3, 1e4);
+  const DynamicTree tree(s.robot);
+  test::Random draw(3);
+  const test::RandomState state = test::random_state(tree, 0, draw, 3.0);
+  const double h = 0.01;
+  Workspace now(tree), step(tree);
+  const auto explicit_fd = forward_dynamics(state.q, state.qd, now);
+  const auto implicit_fd = implicit_step(state.q, state.qd, h, step);
+  for (Index i = 0; i < tree.size(); ++i) {
+    const auto before = subsystem_matrices(explicit_fd, i);
+    const auto after = subsystem_matrices(implicit_fd, i);
+    const Index v = tree.node(i).v, n_i = before.F.cols();
+    Eigen::MatrixXd added = Eigen::MatrixXd::Zero(6 + n_i, 6 + n_i);
+    added.bottomRightCorner(n_i, n_i) = (h * s.C + h * h * s.K).block(v, v, n_i, n_i);
+    CHECK((after.Mbar - before.Mbar - added).norm() <= 16 * eps * after.Mbar.norm());
+    const Eigen::VectorXd stretched = h * s.K.block(v, v, n_i, n_i) * state.qd.segment(v, n_i);
+    CHECK((after.hbar.tail(n_i) - before.hbar.tail(n_i) - stretched).norm() <= 16 * eps * (1 + after.hbar.norm()));
+  }
 }
 
 TEST_CASE("a step that is no length of time is a status")

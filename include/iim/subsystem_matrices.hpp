@@ -19,7 +19,7 @@ struct SubsystemMatrices {
   MatrixX<Scalar> T_ip;                ///< (6 + n_i) × (6 + n_p), V_i = T_ip V_p + F_i q̇_i (8); no columns for a root
   VectorX<Scalar> T_ip_dot_V_p;        ///< 6 + n_i: V̇_i = T_ip V̇_p + Ṫ_ip V_p + F_i q̈_i
   MatrixX<Scalar> F;                   ///< (0; 0; 1), (6 + n_i) × n_i (7)
-  MatrixX<Scalar> Mbar;                ///< M̄_i, (6 + n_i) square (A5)
+  MatrixX<Scalar> Mbar;                ///< M̄_i, (6 + n_i) square (A5); of an implicit step with hC + h²K
   VectorX<Scalar> hbar;                ///< h̄_i for u = 0: velocity terms, weight, springs; M̄_i V̇_i + h̄_i = B̄_i u + coupling (10)
   MatrixX<Scalar> Bbar;                ///< B̄_i of the subsystem's own motors, (6 + n_i) × n_u
   std::vector<MatrixX<Scalar>> frame;  ///< [1 S_k]: twist of frame k at the coupling point from V_i, 6 × (6 + n_i); its
@@ -107,6 +107,11 @@ SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDy
     } else {
       detail::add_bodies<Scene{.velocity = false}, S>(node, ws, m);
       detail::add_rotors<Scene{.velocity = false}, S>(node, s, ws, m);
+    }
+    if (fd.scene().implicit) {
+      for (const auto& spring : state.springs) {
+        m.Mbar.bottomRightCorner(n_i, n_i) += spring.ratio.transpose() * spring.inertia * spring.ratio;
+      }
     }
     m.hbar.tail(n_i) -= ws.load().segment(node.v, n_i);
     if (fd.scene().gravity) { m.hbar -= m.Mbar.leftCols(3) * tree.gravity(); }

@@ -10,9 +10,11 @@
 
 namespace bench {
 
-/// Operations since reset(): multiplications and divisions; additions and subtractions; roots and functions of angles.
+/// Operations since Counted::done was last set to {}: multiplications and divisions; additions and subtractions; roots and functions of angles.
 struct Operations {
   double products = 0, sums = 0, functions = 0;
+
+  double all() const { return products + sums + functions; }
 
   friend Operations operator-(const Operations& a, const Operations& b)
   {
@@ -21,6 +23,7 @@ struct Operations {
   friend Operations operator/(const Operations& a, double b) { return {a.products / b, a.sums / b, a.functions / b}; }
 };
 
+/// A double that counts its operations; a fused multiply-add is two.
 struct Counted {
   static inline Operations done{};
 
