@@ -20,7 +20,7 @@ struct SubsystemMatrices {
   VectorX<Scalar> T_ip_dot_V_p;        ///< 6 + n_i: V̇_i = T_ip V̇_p + Ṫ_ip V_p + F_i q̈_i
   MatrixX<Scalar> F;                   ///< (0; 0; 1), (6 + n_i) × n_i (7)
   MatrixX<Scalar> Mbar;                ///< M̄_i, (6 + n_i) square (A5); of an implicit step with hC + h²K
-  VectorX<Scalar> hbar;                ///< h̄_i for u = 0: velocity terms, weight, springs; M̄_i V̇_i + h̄_i = B̄_i u + coupling (10)
+  VectorX<Scalar> hbar;                ///< h̄_i for u = 0: velocity terms, weight, springs (10)
   MatrixX<Scalar> Bbar;                ///< B̄_i of the subsystem's own motors, (6 + n_i) × n_u
   std::vector<MatrixX<Scalar>> frame;  ///< [1 S_k]: twist of frame k at the coupling point from V_i, 6 × (6 + n_i); its
                                        ///< transpose takes a wrench on the frame, about that point, into h̄_i
