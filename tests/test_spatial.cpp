@@ -88,7 +88,7 @@ TEST_CASE("the projected inertia is the congruence, and what the printed update 
 
 TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large ones to their own size")
 {
-  constexpr int most = 17;
+  constexpr std::size_t most = 17;
   for (int count : {3, 6, 7, 11, 17}) {
     for (double heavy : {1.0, 1e3, 1e12}) {
       std::array<detail::RootRow<double>, most> rows;
@@ -101,7 +101,7 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
       }
       std::array<detail::RootRow<double>, 6> result;
       std::array<int, 6> pivot{};
-      const int left = detail::compress<most>(rows, count, result.data(), pivot);
+      const int left = detail::compress<6>(rows, count, result.data(), pivot);
       CHECK(left == std::min(count, 6));
       for (int r = 0; r < left; ++r) {
         for (int k = 0; k < r; ++k) {
@@ -122,6 +122,41 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
         const Eigen::Matrix<long double, 6, 6> computed = after.topLeftCorner<6, 6>().inverse();
         // (The check itself, on NᵀN in long double, loses 1e6 of 1e-19; a QR that is stable only as a whole, 1e-10.)
         if (heavy == 1e3) { CHECK(static_cast<double>((computed - exact).norm() / exact.norm()) < 3e-12); }
+      }
+    }
+  }
+}
+
+TEST_CASE("rows with v first: T, N₁, z₁ and then [N' | z' | 0], nothing drowned")
+{
+  for (int count : {2, 6, 7, 11, 17}) {
+    for (double heavy : {1.0, 1e3, 1e12}) {
+      std::array<detail::RootRow<double>, 17> rows;
+      Eigen::Matrix<long double, 8, 8> before = Eigen::Matrix<long double, 8, 8>::Zero();
+      for (int r = 0; r < count; ++r) {
+        auto& row = rows[static_cast<std::size_t>(r)];
+        row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        const Eigen::Matrix<long double, 8, 1> n = row.matrix().cast<long double>();
+        before += n * n.transpose();
+      }
+      std::array<detail::RootRow<double>, 7> result;
+      std::array<int, 7> pivot{};
+      REQUIRE(detail::compress<7, detail::along_S>(rows, count, result.data(), pivot) == std::min(count, 7));
+      CHECK(pivot[0] == detail::along_S);
+      Eigen::Matrix<long double, 8, 8> after = Eigen::Matrix<long double, 8, 8>::Zero();
+      for (int r = 0; r < std::min(count, 7); ++r) {
+        const auto& row = result[static_cast<std::size_t>(r)];
+        if (r > 0) { CHECK(row(detail::along_S) == 0); }
+        const Eigen::Matrix<long double, 8, 1> n = row.matrix().cast<long double>();
+        after += n * n.transpose();
+      }
+      const int kept = count < 8 ? 8 : 7;  // with more rows than seven only what is right of the first seven columns is lost: zᵀz
+      for (int i = 0; i < 8; ++i) {
+        for (int j = 0; j < 8; ++j) {
+          if (kept == 7 && i == detail::rhs && j == detail::rhs) { continue; }
+          const auto size = std::sqrt(before(i, i) * before(j, j));
+          CHECK(static_cast<double>(std::abs(after(i, j) - before(i, j)) / size) < tolerance);
+        }
       }
     }
   }

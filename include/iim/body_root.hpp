@@ -49,6 +49,9 @@ struct BodyRoot {
   Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame
   Vector3<Scalar> root_moment = Vector3<Scalar>::Zero();  ///< √θ, zeros last
   Vector3<Scalar> gyration = Vector3<Scalar>::Zero();     ///< (θ_j − θ_i) / √θ_k, k, i, j cyclic
+  Vector3<Scalar> linear = Vector3<Scalar>::Zero();   ///< N_b S of an own_twist(): the first three, in the frame's axes
+  Vector3<Scalar> angular = Vector3<Scalar>::Zero();  ///< and the other three
+  Scalar own_scale = Scalar(0);                       ///< Σ of both if nothing cancelled
   int rows = 0;
 
   BodyRoot() = default;
@@ -79,6 +82,20 @@ struct BodyRoot {
         gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
         ++rows;
       }
+    }
+  }
+
+  void set_own_twist(const Vector6<Scalar>& S)
+  {
+    using std::abs;
+    const Vector3<Scalar> v = S.template head<3>(), w = S.template tail<3>();
+    linear = root_mass * (v + cross(w, com));
+    own_scale = Scalar(0);
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
+      angular(k) = root_moment(k) * axes.col(k).dot(w);
+      own_scale += root_mass * (abs(v(k)) + abs(w(i) * com(j)) + abs(w(j) * com(i)));
+      own_scale += root_moment(k) * axes.col(k).cwiseAbs().dot(w.cwiseAbs());
     }
   }
 };

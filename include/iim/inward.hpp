@@ -215,7 +215,7 @@ void rigid_inward(const N& node, Workspace& ws)
     Vector6<Scalar> p = f.h;
     if constexpr (Workspace::update == Update::square_root) {
       const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-      stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws);
+      stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, false, k == 0, ws);
     } else {
       SpatialInertia<Scalar> A = f.A;
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, A, p); }

@@ -15,44 +15,64 @@
 
 namespace iim::detail {
 
-/// The rows that are left, and those of bodies on the inlet, seen from the parent's point.
+/// The rows that are left, and those of bodies on the inlet, seen from the parent's point. annihilated: N' S_i = 0.
 template <Scene scene, class S, class N, class Workspace>
 void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool inlet_bodies, Workspace& ws)
+                    bool annihilated, bool inlet_bodies, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   constexpr int capacity = RootInertia<Scalar>::most;
-  constexpr int most =
-      6 + (S::n_frames + 1) * capacity + rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
+  constexpr int most = capacity + RootInertia<Scalar>::most + 6;
   const BodyRoot<Scalar>& body = ws.inlet_body(node.index);
   const int body_rows = inlet_bodies ? body.rows : 0;
+  // n S of the inlet, seen from here. What is left over S_i is known to be zero, and so is taken out of the inlet's column
+  // before the product: of axes that nearly coincide only the difference counts.
+  RootRow<Scalar> T = RootRow<Scalar>::Zero(), size = T;
+  if (inlet.keeps_v) {
+    Vector6<Scalar> column = shift_twist(state.r, inlet.S);
+    if constexpr (along<S>() != Along::nothing) {
+      const Vector6<Scalar>& own = state.S_k[0];
+      constexpr int part = S::pattern.angular ? 3 : 0;
+      const Scalar alpha = own(part) * inlet.S(part) + own(part + 1) * inlet.S(part + 1) + own(part + 2) * inlet.S(part + 2);
+      for (int k = 0; k < 6 && annihilated; ++k) { column(k) -= alpha * own(k); }
+    }
+    for (int k = 0; k < 6; ++k) { T(k) = column(k); }
+  }
   const auto stack_on = [&](RootRow<Scalar>* row) {
     for (int r = 0; r < count; ++r, ++row) {
       *row = left[r];
+      if (inlet.keeps_v) {
+        const RootRow<Scalar> terms = *row * T;
+        size += terms.abs();
+        (*row)(along_S) = (terms(0) + terms(1) + terms(2)) + (terms(3) + terms(4) + terms(5));
+      }
       shift_row<scene.velocity>(*row, state.r, state.c);
     }
     if (body_rows > 0) {
       RootInertia<Scalar> own;
       const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-      place_roots<scene.velocity>(body, state.R, at_inlet, ws.frame(node.inlet).omega, own);
+      own.S = inlet.keeps_v ? shift_twist(state.r, inlet.S) : Vector6<Scalar>(Vector6<Scalar>::Zero());
+      place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, own);
+      if (inlet.keeps_v) { inlet.scale += own.scale; }
       for (int r = 0; r < own.rows; ++r, ++row) {
         *row = own.row[static_cast<std::size_t>(r)];
         shift_row<scene.velocity>(*row, state.r, state.c);
       }
     }
   };
-  const int size = inlet.rows + count + body_rows;
-  if (size <= capacity) {
+  const int rows = inlet.rows + count + body_rows;
+  if (rows <= capacity) {
     stack_on(inlet.row.data() + inlet.rows);
-    inlet.rows = size;
+    inlet.rows = rows;
   } else {
     std::array<RootRow<Scalar>, most> stack;
     std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin());
     stack_on(stack.data() + inlet.rows);
     std::array<int, 6> pivot;
-    inlet.rows = compress<most>(stack, size, inlet.row.data(), pivot);
+    inlet.rows = compress<6>(stack, rows, inlet.row.data(), pivot);
   }
+  if (inlet.keeps_v) { inlet.scale += (size(0) + size(1) + size(2)) + (size(3) + size(4) + size(5)); }
 }
 
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
@@ -64,15 +84,15 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
   constexpr int n_i = S::n_i;
-  constexpr int n_rotors = rotor_count<S>();
-  constexpr int most =
-      RootInertia<Scalar>::most * S::n_frames + n_rotors + (scene.implicit ? spring_count<S>() : 0) + abreast;
+  constexpr bool keeps_v = along<S>() != Along::nothing;
+  constexpr int n_within = rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
+  constexpr int most = RootInertia<Scalar>::most * S::n_frames + n_within + abreast;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   NodeState<S>& state = ws.template node<S>(node);
 
-  // [v | N | z] over the frames, applied forces beside it.
-  std::array<VectorI, most> v;
+  // [N | z | v] over the frames, v beside it if it has several columns; and applied forces.
   std::array<RootRow<Scalar>, most> rows;
+  [[maybe_unused]] std::array<VectorI, most> v;
   int count = 0;
   Vector6<Scalar> hg;
   VectorI hq, scale;
@@ -88,12 +108,13 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       const auto at = static_cast<std::size_t>(count);
       RootRow<Scalar>& n = rows[at];
       n = N_k.row[static_cast<std::size_t>(r)];
-      for (int d = 0; d < n_i && !is_free<S>(); ++d) {
+      for (int d = 0; d < n_i && !keeps_v && !is_free<S>(); ++d) {
         v[at](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
         for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
       }
       if constexpr (has_bias<scene, S>(0) || has_bias<scene, S>(3)) { subtract_known(n, f.bias); }
     }
+    if constexpr (keeps_v) { scale(0) = N_k.scale; }
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
     if (k == 0) {
       hg = f.h;
@@ -101,36 +122,52 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       add(hg, f.h);
     }
   }
-  if constexpr (n_rotors > 0) {
-    const auto rotors = s.rotors();
-    for (std::size_t k = 0; k < n_rotors; ++k, ++count) {
-      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotors[k], state, ws);
-      const auto at = static_cast<std::size_t>(count);
+  [[maybe_unused]] int n_put = 0;
+  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
+    const auto at = static_cast<std::size_t>(count++);
+    ++n_put;
+    for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
+    if constexpr (keeps_v) {
+      rows[at](along_S) = ratio(0);
+    } else {
+      v[at] = ratio;
+    }
+  };
+  if constexpr (rotor_count<S>() > 0) {
+    for (const auto& rotor : s.rotors()) {
+      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
       const Scalar root = sqrt(spun.J);
       const Scalar zero(0);
-      rows[at] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * spun.bias, zero;
-      for (int d = 0; d < n_i; ++d) {
-        v[at](d) = root * spun.e(d);
-        scale(d) += abs(v[at](d));
-      }
-      if constexpr (scene.velocity) { add_gyroscopic(spun, rotors[k], state, hg, hq); }
+      rows[static_cast<std::size_t>(count)] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2),
+          -root * spun.bias, zero;
+      if (spun.J > Scalar(0)) { put_within(root * spun.e); }
+      if constexpr (scene.velocity) { add_gyroscopic(spun, rotor, state, hg, hq); }
     }
   }
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) {
-      const auto at = static_cast<std::size_t>(count++);
-      rows[at].setZero();
-      const Scalar root = sqrt(spring.inertia);
-      for (int d = 0; d < n_i; ++d) {
-        v[at](d) = root * spring.ratio(d);
-        scale(d) += abs(v[at](d));
-      }
+      rows[static_cast<std::size_t>(count)].setZero();
+      put_within(sqrt(spring.inertia) * spring.ratio.transpose());
     }
   }
 
+  // One frame and nothing within: A'S = 0, and one row less for each coordinate.
+  const bool annihilated = S::n_frames == 1 && n_put == 0;
+  constexpr int rank = S::n_frames == 1 && n_within == 0 ? 6 - n_i : 6;
+  std::array<RootRow<Scalar>, 1 + rank> result;
+  RootRow<Scalar>* top = rows.data();
+  int left = 0;
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
-  if constexpr (is_free<S>()) {
+  if constexpr (keeps_v) {
+    std::array<int, 1 + rank> pivot;
+    left = compress<1 + rank, along_S>(rows, count, result.data(), pivot, annihilated ? 6 : 7) - 1;
+    top = result.data();
+    v[0](0) = top[0](along_S);
+    C(0, 0) = Scalar(1) / v[0](0);
+    const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
+    regular = left >= 0 && ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
+  } else if constexpr (is_free<S>()) {
     regular = eliminate_free<Scalar, most>(rows, count, state.S_k[0], v, C);
   } else {
     regular = eliminate<n_i, Scalar, most>(v, rows, count, scale, C);
@@ -138,6 +175,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     C.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+    left = 0;
   }
   for (int d = 0; d < n_i; ++d) {
     for (int e = 0; e < n_i; ++e) {
@@ -149,28 +187,35 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       }
     }
     for (int j = 0; j < 6; ++j) {
-      state.W(d, j) = C(d, 0) * rows[0](j);
-      state.U(j, d) = v[0](d) * rows[0](j);
+      state.W(d, j) = C(d, 0) * top[0](j);
+      state.U(j, d) = v[0](d) * top[0](j);
       for (int k = 1; k < n_i; ++k) {
-        state.W(d, j) += C(d, k) * rows[static_cast<std::size_t>(k)](j);
-        state.U(j, d) += v[static_cast<std::size_t>(k)](d) * rows[static_cast<std::size_t>(k)](j);
+        state.W(d, j) += C(d, k) * top[k](j);
+        state.U(j, d) += v[static_cast<std::size_t>(k)](d) * top[k](j);
       }
     }
   }
   state.psi = product(state.MbarR_inv, hq);
   for (int d = 0; d < n_i; ++d) {
-    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[static_cast<std::size_t>(k)](rhs); }
+    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * top[k](rhs); }
   }
   if constexpr (is_free<S>()) {
     state.W = state.S_k[0].transpose();
     return;  // nothing passes on
+  } else {
+    if (node.inlet < 0) { return; }
+    for (int j = 0; j < 6; ++j) {
+      for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
+    }
+    add(ws.frame(node.inlet).h, shift_wrench(state.r, hg));
+    if constexpr (!keeps_v) {
+      std::array<int, rank> pivot;
+      std::copy(rows.begin() + n_i, rows.begin() + std::max(n_i, count), rows.begin());
+      left = compress<rank>(rows, std::max(0, count - n_i), result.data(), pivot);
+      top = result.data() - 1;
+    }
+    stack_on_inlet<scene>(node, state, top + 1, left, annihilated, true, ws);
   }
-  if (node.inlet < 0) { return; }
-  for (int j = 0; j < 6; ++j) {
-    for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
-  }
-  add(ws.frame(node.inlet).h, shift_wrench(state.r, hg));
-  stack_on_inlet<scene>(node, state, rows.data() + n_i, count - n_i, true, ws);
 }
 
 }  // namespace iim::detail

@@ -166,7 +166,9 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
         }
       }
       if constexpr (Workspace::update == Update::square_root) {
-        place_roots<scene.velocity>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, ws.root(node.frame + k));
+        RootInertia<Scalar>& N_k = ws.root(node.frame + k);
+        if constexpr (along<S>() != Along::nothing) { N_k.S = state.S_k[0]; }
+        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, N_k);
         f.h.setZero();
       } else {
         place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);

@@ -7,44 +7,70 @@
 //     Q [ v  N  z − N bias ] = [ T  N₁  z₁ ]        D = M̄_R = TᵀT,   W = T⁻¹N₁,   q̈ = T⁻¹z₁ − W y      (17), (18)
 //                              [ 0  N'  z' ]        A' = A − U W = N'ᵀN'                               (14), (16)
 //
-// so that the rows below are what the parent sees; the rows [N' X(r) | z' − N' c] are stacked on the parent's own and
-// reduced to six by one more Q. Nothing is subtracted from anything of its own size: the error of A' is relative to each
-// row, whatever the other rows weigh, if rows and columns are pivoted (Powell and Reid 1969; Cox and Higham 1998,
-// "Stability of Householder QR factorization for weighted least squares problems").
+// so that the rows below are what the parent sees; the same Q reduces them to as many as A' has rank, and the rows
+// [N' X(r) | z' − N' c] are stacked on the parent's own. Nothing is subtracted from anything of its own size: the error of
+// A' is relative to each row, whatever the other rows weigh, if rows and columns are pivoted (Powell and Reid 1969; Cox
+// and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
+// v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its own
+// axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child.
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
 #include <iim/body_root.hpp>
 #include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 
 namespace iim::detail {
 
-/// One row [n | z | 0]: six columns for (v̇, ω̇), the right-hand side, and a lane to fill the register.
+/// One row [n | z | v]: six columns for (v̇, ω̇), the right-hand side, and where the frame moves by one column S, n S.
 template <class Scalar>
 using RootRow = Eigen::Array<Scalar, 8, 1>;
-inline constexpr int rhs = 6;  ///< lane of z
+inline constexpr int rhs = 6;      ///< lane of z
+inline constexpr int along_S = 7;  ///< lane of v
 
-/// N and z of what one frame carries. Never more than six rows: with three subsystems' rows left as they are q̈₀ of a chain
-/// whose masses grow outward lost two digits, and with two, one.
+/// [N | z] of what one frame carries: its own body's rows as they are, six or fewer of each child. Room for two children
+/// before anything has to be compressed; reducing own and child's rows to six before v is eliminated gains no digit.
 template <class Scalar>
 struct RootInertia {
-  static constexpr int most = 6;
+  static constexpr int most = 18;
   std::array<RootRow<Scalar>, most> row;
   int rows = 0;
+  bool keeps_v = false;  ///< the rows have v = n S in their last lane
+  Vector6<Scalar> S;     ///< if so
+  Scalar scale;          ///< and Σ |v| as if nothing had cancelled in it
 };
 
+/// What v of a frame's own body is made from.
+enum class Along {
+  nothing,    ///< v is not kept in the rows
+  column,     ///< S in world axes
+  own_twist,  ///< constants of the body
+};
+
+template <class S>
+constexpr Along along()
+{
+  if (S::n_i != 1 || S::n_frames != 1 || is_free<S>()) { return Along::nothing; }
+  return has_own_twist<S>() ? Along::own_twist : Along::column;
+}
+
 /// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ).
-template <bool velocity, class Scalar>
+template <bool velocity, Along along, class Scalar>
 [[gnu::always_inline]] inline void place_roots(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R,
                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
                                                RootInertia<Scalar>& N)
 {
+  using std::abs;
   N.rows = body.rows;
+  N.scale = Scalar(0);
   if (body.rows == 0) { return; }
   const Scalar& m = body.root_mass;
   const Scalar zero(0);
@@ -52,9 +78,21 @@ template <bool velocity, class Scalar>
   add(s, r);
   Vector3<Scalar> centripetal(zero, zero, zero);
   if constexpr (velocity) { centripetal = cross(omega, cross(omega, s)); }
-  N.row[0] << m, zero, zero, zero, m * s(2), -m * s(1), -m * centripetal(0), zero;
-  N.row[1] << zero, m, zero, -m * s(2), zero, m * s(0), -m * centripetal(1), zero;
-  N.row[2] << zero, zero, m, m * s(1), -m * s(0), zero, -m * centripetal(2), zero;
+  Vector3<Scalar> v(zero, zero, zero);
+  if constexpr (along == Along::own_twist) {
+    v = times(R, body.linear);
+    N.scale = body.own_scale;
+  } else if constexpr (along == Along::column) {
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      const Scalar a = N.S(j + 3) * s(k), b = N.S(k + 3) * s(j);
+      v(i) = m * (N.S(i) + (a - b));
+      N.scale += m * (abs(N.S(i)) + abs(a) + abs(b));
+    }
+  }
+  N.row[0] << m, zero, zero, zero, m * s(2), -m * s(1), -m * centripetal(0), v(0);
+  N.row[1] << zero, m, zero, -m * s(2), zero, m * s(0), -m * centripetal(1), v(1);
+  N.row[2] << zero, zero, m, m * s(1), -m * s(0), zero, -m * centripetal(2), v(2);
   Matrix3<Scalar> p;
   multiply(R, body.axes, p);
   Vector3<Scalar> spin(zero, zero, zero);  // ω in principal axes
@@ -63,8 +101,15 @@ template <bool velocity, class Scalar>
   }
   for (int k = 0; k + 3 < body.rows; ++k) {
     const Scalar& t = body.root_moment(k);
+    Scalar turn(0);
+    if constexpr (along == Along::own_twist) {
+      turn = body.angular(k);
+    } else if constexpr (along == Along::column) {
+      turn = t * (p(0, k) * N.S(3) + p(1, k) * N.S(4) + p(2, k) * N.S(5));
+      N.scale += t * (abs(p(0, k) * N.S(3)) + abs(p(1, k) * N.S(4)) + abs(p(2, k) * N.S(5)));
+    }
     N.row[static_cast<std::size_t>(k + 3)] << zero, zero, zero, t * p(0, k), t * p(1, k), t * p(2, k),
-        -body.gyration(k) * spin((k + 1) % 3) * spin((k + 2) % 3), zero;
+        -body.gyration(k) * spin((k + 1) % 3) * spin((k + 2) % 3), turn;
   }
 }
 
@@ -97,19 +142,22 @@ template <class Scalar>
   return {alpha, Scalar(-1) / (alpha * x[0])};
 }
 
-/// Place of the largest entry.
+/// Place of the largest entry, its sign left aside.
 template <class Scalar>
 [[gnu::always_inline]] inline int largest(const Scalar* x, int count)
 {
   using std::abs;
-  int at = 0;
-  Scalar size = abs(x[0]);
-  for (int r = 1; r < count; ++r) {
-    const Scalar other = abs(x[r]);
-    at = other > size ? r : at;
-    size = other > size ? other : size;
+  int at = 0, next = 1;  // two races, so that no comparison waits for the one before
+  Scalar size = abs(x[0]), other = count > 1 ? abs(x[1]) : Scalar(-1);
+  for (int r = 2; r < count; r += 2) {
+    const Scalar a = abs(x[r]);
+    at = a > size ? r : at;
+    size = a > size ? a : size;
+    const Scalar b = r + 1 < count ? abs(x[r + 1]) : Scalar(-1);
+    next = b > other ? r + 1 : next;
+    other = b > other ? b : other;
   }
-  return at;
+  return other > size ? next : at;
 }
 
 /// Rows are worked on four at a time, so that no sum waits for another: rows behind `count` are zero up to the next four.
@@ -148,13 +196,13 @@ template <class Scalar, class Factor>
   return (a + b) + (c + d);
 }
 
-/// Size of a row to sort by: ‖n‖₁, a finite number also where n is not.
+/// Size of a row to sort by: ‖n‖₁, a finite number also where n is not, and less than the largest.
 template <class Scalar>
 [[gnu::always_inline]] inline Scalar size_of(const RootRow<Scalar>& n)
 {
   using std::abs;
   const Scalar sum = ((abs(n(0)) + abs(n(1))) + (abs(n(2)) + abs(n(3)))) + (abs(n(4)) + abs(n(5)));
-  const Scalar most = Eigen::NumTraits<Scalar>::highest();
+  const Scalar most = Eigen::NumTraits<Scalar>::highest() / Scalar(2);
   return sum < most ? sum : most;
 }
 
@@ -173,44 +221,76 @@ template <class Scalar>
   return {xc > xd ? c : d, xc > xd ? xc : xd};
 }
 
-/// Replaces `count` ≥ 6 rows by at most six with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
-/// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
-template <int most, class Scalar>
-int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<Scalar>* result, std::array<int, 6>& pivot)
+/// Order of the rows by size, largest first; `top` before them all. Counts instead of swapping: no branch to guess.
+template <std::size_t most, class Scalar>
+[[gnu::always_inline]] inline void sort_rows(const std::array<RootRow<Scalar>, most>& stack, int count, int top,
+                                             RootRow<Scalar>* sorted)
 {
-  count = std::min(count, most);
-  std::array<Scalar, most> size;
-  for (int r = 0; r < count; ++r) { size[static_cast<std::size_t>(r)] = size_of(stack[static_cast<std::size_t>(r)]); }
-  std::array<RootRow<Scalar>, most + abreast> sorted;
-  for (int r = 0; r < count; ++r) {  // by counting: no branch to guess
-    const Scalar own = size[static_cast<std::size_t>(r)];
-    int at = 0;
-    for (int other = 0; other < r; ++other) { at += size[static_cast<std::size_t>(other)] >= own ? 1 : 0; }
-    for (int other = r + 1; other < count; ++other) { at += size[static_cast<std::size_t>(other)] > own ? 1 : 0; }
-    sorted[static_cast<std::size_t>(at)] = stack[static_cast<std::size_t>(r)];
+  constexpr std::size_t padded = (most + 7) / 8 * 8;
+  std::array<Scalar, padded> size;
+  std::array<std::conditional_t<sizeof(Scalar) == 8, std::int64_t, std::int32_t>, padded> place;
+  const auto rows = static_cast<std::size_t>(count);
+  const std::size_t end = (rows + 7) / 8 * 8;
+  for (std::size_t r = 0; r < rows; ++r) { size[r] = size_of(stack[r]); }
+  for (std::size_t r = rows; r < end; ++r) { size[r] = Scalar(-1); }
+  if (top >= 0) { size[static_cast<std::size_t>(top)] = Eigen::NumTraits<Scalar>::highest(); }
+  for (std::size_t l = 0; l < end; ++l) { place[l] = 0; }
+  for (std::size_t r = 0; r < rows; ++r) {
+    const Scalar other = size[r];
+    for (std::size_t l = 0; l < end; ++l) {
+      place[l] += static_cast<int>(other > size[l]) | (static_cast<int>(other == size[l]) & static_cast<int>(r < l));
+    }
   }
+  for (std::size_t r = 0; r < rows; ++r) { sorted[place[r]] = stack[r]; }
+}
+
+/// Replaces `count` rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
+/// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
+/// `first` = along_S: Q of the file's head. The first column is v, its largest entry above all, and result[0] is
+/// [N₁ | z₁ | T]; the rows after it are [N' | z' | 0].
+template <int steps, int first = -1, std::size_t most, class Scalar>
+int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<Scalar>* result,
+             std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
+{
+  count = std::min(count, static_cast<int>(most));
+  rank = std::min(std::min(rank, steps), count);
+  int top_row = -1;
+  if constexpr (first >= 0) {
+    std::array<Scalar, most> v;
+    for (int r = 0; r < count; ++r) { v[static_cast<std::size_t>(r)] = stack[static_cast<std::size_t>(r)](first); }
+    top_row = largest(v.data(), count);
+  }
+  std::array<RootRow<Scalar>, most + abreast> sorted;
+  sort_rows(stack, count, top_row, sorted.data());
   for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
   RootRow<Scalar> square =
       weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
-  for (int k = 0; k < 6; ++k) {
+  auto [column, most_left] = largest_of_six(square);
+  if constexpr (first >= 0) { column = first; }
+  for (int k = 0; k < rank; ++k) {
     RootRow<Scalar>* rows = sorted.data() + k;
     const int active = count - k;
-    const auto [column, best] = largest_of_six(square);
+    const Scalar best = square(column);
     if (!(best > Scalar(0))) { return k; }  // what is left is zero
     pivot[static_cast<std::size_t>(k)] = column;
     RootRow<Scalar> unit;
     for (int l = 0; l < 8; ++l) { unit(l) = Scalar(l == column ? 1 : 0); }
     const auto x = [&, c = column](int r) -> const Scalar& { return rows[r](c); };
     Scalar top = x(0);
-    const RootRow<Scalar> first = rows[0];
+    const RootRow<Scalar> above = rows[0];
     const RootRow<Scalar> sum = weighted_sum(rows, active, x);
     const auto [alpha, factor] = reflector(&top, best);
-    // top − first(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
-    const RootRow<Scalar> w = (sum - first * alpha) * factor * (Scalar(1) - unit) + unit;
+    // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
+    const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;
+    result[k] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation; alpha in its column
+    // The next column by what Pythagoras leaves of it, which is there before the rows are; by themselves if that is roundings.
+    const RootRow<Scalar> left = (square - result[k] * result[k]) * (Scalar(1) - unit);
+    const Scalar doubtful = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * most_left;
     square = subtract(rows + 1, active - 1, w, [&](int r) -> const Scalar& { return x(r + 1); });
-    result[k] = sum * (Scalar(1) / alpha);  // = first − w top, without its cancellation; alpha in its column
+    std::tie(column, most_left) = largest_of_six(left);
+    if (!(most_left > doubtful)) { std::tie(column, most_left) = largest_of_six(square); }
   }
-  return 6;
+  return rank;
 }
 
 /// Q of the file's head: takes the columns v (n per row) of `count` rows to T in the first n rows, and [N | z] along.
@@ -298,7 +378,7 @@ template <class Scalar, int most>
   for (int r = 0; r < count; ++r) { scale += rows[static_cast<std::size_t>(r)].abs(); }
   std::array<RootRow<Scalar>, 6> N;
   std::array<int, 6> pivot{};
-  if (compress<most>(rows, count, N.data(), pivot) < 6) { return false; }
+  if (compress<6>(rows, count, N.data(), pivot) < 6) { return false; }
   bool regular = true;
   Eigen::Matrix<Scalar, 6, 6> N_inv;
   for (int k = 5; k >= 0; --k) {

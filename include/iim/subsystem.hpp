@@ -133,6 +133,19 @@ constexpr int spring_count()
   return 0;
 }
 
+/// `own_twist()`: one frame and one velocity only; twist of the frame per q̇ at the frame's origin in the frame's own axes,
+/// which is the same in every configuration. Update::square_root forms S of the frame's own body from it: a centre of mass
+/// on the axis, or a thin moment about it, then stays what it is, whatever a turn to world axes rounds.
+template <class S>
+constexpr bool has_own_twist()
+{
+  if constexpr (requires(const S s) { s.own_twist(); }) {
+    static_assert(S::n_frames == 1 && S::n_i == 1, "own_twist() is for one frame with one velocity");
+    return true;
+  }
+  return false;
+}
+
 }  // namespace detail
 
 /// dq_i/dt for the velocities q̇_i: the same numbers, but for types whose coordinates are not integrals of them.

@@ -80,7 +80,7 @@ public:
     qdd_.setZero();
     load_.setZero();
     Bbar_.setZero();
-    tree.outward([&]<class N, class S>(const N& node, const S&) {
+    tree.outward([&]<class N, class S>(const N& node, [[maybe_unused]] const S& s) {
       // What a motion pattern declares zero is written here, once.
       NodeState<S>& state = this->node<S>(node);
       for (int k = 0; k < S::n_frames; ++k) {
@@ -93,6 +93,10 @@ public:
         f.h.setZero();
         f.Vdot.setZero();
         f.A.set_zero();
+      }
+      if constexpr (update == Update::square_root && detail::along<S>() != detail::Along::nothing) {
+        root(node.frame).keeps_v = true;
+        if constexpr (detail::has_own_twist<S>()) { frame_body_[static_cast<std::size_t>(node.frame)].set_own_twist(s.own_twist()); }
       }
       state.c.setZero();
       state.r.setZero();

@@ -95,6 +95,13 @@ struct Revolute {
     return true;
   }
 
+  Vector6<Scalar> own_twist() const
+  {
+    Vector6<Scalar> V;
+    V << Vector3<Scalar>::Zero(), unit_.direction;
+    return V;
+  }
+
   template <class T>
   Revolute<T> cast() const
   {
@@ -126,6 +133,13 @@ struct Prismatic {
       m.S(k) = w(k);
     }
     return true;
+  }
+
+  Vector6<Scalar> own_twist() const
+  {
+    Vector6<Scalar> V;
+    V << unit_.direction, Vector3<Scalar>::Zero();
+    return V;
   }
 
   template <class T>

@@ -60,6 +60,13 @@ struct Helical {
     return true;
   }
 
+  Vector6<Scalar> own_twist() const
+  {
+    Vector6<Scalar> V;
+    V << lead * unit_.direction, unit_.direction;
+    return V;
+  }
+
   template <class T>
   Helical<T> cast() const
   {

@@ -79,6 +79,12 @@ struct MotorArmOn {
     return joint.motion(R, q, qd, frames[0]);
   }
 
+  Vector6<Scalar> own_twist() const
+    requires requires(const Joint& j) { j.own_twist(); }
+  {
+    return joint.own_twist();
+  }
+
   std::array<CarriedBody<Scalar>, 2> bodies() const
   {
     Body<Scalar> rotor = Body<Scalar>::massless();

@@ -34,6 +34,12 @@ struct RigidLink {
     return joint.motion(R, q, qd, frames[0]);
   }
 
+  Vector6<Scalar> own_twist() const
+    requires requires(const Joint& j) { j.own_twist(); }
+  {
+    return joint.own_twist();
+  }
+
   std::array<CarriedBody<Scalar>, 1> bodies() const { return {{{0, body}}}; }
 
   Eigen::Matrix<Scalar, n_i, n_u> Bbar(const Eigen::Matrix<Scalar, n_q, 1>&) const
