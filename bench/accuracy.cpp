@@ -2,6 +2,7 @@
 // REQUIRES: boost benchmark
 // Error against run time of every method, frame convention, update and scalar; how each of them stands extreme scenes.
 #include "accuracy_report.hpp"
+#include "accuracy_robots.hpp"
 #include "machine.hpp"
 
 #include <iim_build_info.hpp>
@@ -12,30 +13,45 @@
 #include <string>
 #include <vector>
 
+#ifndef IIM_SHARED_DIR
+#define IIM_SHARED_DIR "../shared"
+#endif
+
 namespace bench {
 
 namespace {
 
 constexpr const char* usage =
-    "usage: iim_accuracy --out FOLDER [--quick] [--only PART]\n"
+    "usage: iim_accuracy --out FOLDER [--quick] [--only PART] [--robots DIR]\n"
     "\n"
     "Runs every method × frame convention × update × scalar on plain and extreme scenes and writes into FOLDER:\n"
     "  accuracy.md, accuracy_*.svg   tables and figures\n"
     "--quick                         fewer states, shorter chains, fewer steps\n"
-    "--only PART                     bounds, scenes, known or runs\n";
+    "--only PART                     bounds, robots, scenes, known or runs\n"
+    "--robots DIR                    with panda.urdf, ur5.urdf, anymal.urdf, solo12.urdf; default ../shared/robots\n";
 
 struct Options {
   std::string out;
   std::string only;
+  std::string robots = IIM_SHARED_DIR "/robots";
   bool quick = false;
 
   bool wants(const char* part) const { return only.empty() || only == part; }
 };
 
+std::vector<AccuracyScene> robots(const Options& options, int states, Report& report)
+{
+  std::vector<std::string> absent;
+  std::vector<AccuracyScene> scenes = accuracy_robots(options.robots, states, absent);
+  for (const std::string& line : absent) { report.paragraph("Robots left out. " + line + "."); }
+  return scenes;
+}
+
 void write_scene_part(const Options& options, Report& report, std::vector<Figure>& figures, bool& drawn)
 {
   std::vector<AccuracyResult> results;
-  const std::vector<AccuracyScene> scenes = accuracy_scenes(options.quick);
+  std::vector<AccuracyScene> scenes = accuracy_scenes(options.quick);
+  for (AccuracyScene& robot : robots(options, 32, report)) { scenes.push_back(std::move(robot)); }
   for (const AccuracyScene& scene : scenes) {
     std::cerr << '[' << results.size() + 1 << '/' << scenes.size() << "] " << scene.group << ": " << scene.name << '\n';
     AccuracyResult result{scene, accuracy_reference(scene), {}};
@@ -95,7 +111,12 @@ void run(const Options& options)
   std::vector<Figure> figures;
   bool drawn = true;
   if (options.wants("scenes")) { write_scene_part(options, report, figures, drawn); }
-  if (options.wants("bounds")) { write_bounds(accuracy_bounds(options.quick), report); }
+  if (options.only == "robots") { write_bounds(accuracy_bounds(robots(options, 100, report)), report); }
+  if (options.wants("bounds")) {
+    std::vector<Bound> bounds = accuracy_bounds(options.quick);
+    for (Bound& bound : accuracy_bounds(robots(options, 100, report))) { bounds.push_back(std::move(bound)); }
+    write_bounds(bounds, report);
+  }
   const auto append = [&](std::vector<Figure> more) { figures.insert(figures.end(), more.begin(), more.end()); };
   if (options.wants("known")) { append(known_experiments(options.quick, report)); }
   if (options.wants("runs")) { append(long_runs(options.quick, report)); }
@@ -117,6 +138,8 @@ int main(int argc, char** argv)
         options.out = argv[++k];
       } else if (argument == "--only" && k + 1 < argc) {
         options.only = argv[++k];
+      } else if (argument == "--robots" && k + 1 < argc) {
+        options.robots = argv[++k];
       } else if (argument == "--quick") {
         options.quick = true;
       } else {

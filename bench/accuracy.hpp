@@ -16,7 +16,7 @@ namespace bench {
 /// A robot at a pool of states; all motors are inputs, and 3 columns for every named point.
 struct AccuracyScene {
   std::string name;
-  std::string group;     ///< "plain", "length", "mass ratio", "distance", "extreme"
+  std::string group;     ///< "plain", "length", "mass ratio", "distance", "extreme", "robot"
   double parameter = 0;  ///< what a picture has on its abscissa
   iim::StandardAssembly<double> parts;
   std::vector<std::string> points{};
@@ -90,7 +90,10 @@ struct Bound {
   std::array<std::array<Tier, 3>, 2> tiers{};  ///< double, float; printed, projected, square root
 };
 
-/// For every scene with 100 states, but the one arm at many places in the world only once.
+/// For every scene that has a solution, but the one arm at many places in the world only once.
+std::vector<Bound> accuracy_bounds(const std::vector<AccuracyScene>& scenes);
+
+/// For accuracy_scenes(quick, 100).
 std::vector<Bound> accuracy_bounds(bool quick);
 
 /// The scene's inputs on a tree of any Scalar.

@@ -103,10 +103,12 @@ std::array<Bound::Tier, 3> tiers(const AccuracyScene& scene, const std::vector<R
 
 }  // namespace
 
-std::vector<Bound> accuracy_bounds(bool quick)
+std::vector<Bound> accuracy_bounds(bool quick) { return accuracy_bounds(accuracy_scenes(quick, 100)); }
+
+std::vector<Bound> accuracy_bounds(const std::vector<AccuracyScene>& scenes)
 {
   std::vector<Bound> bounds;
-  for (const AccuracyScene& scene : accuracy_scenes(quick, 100)) {
+  for (const AccuracyScene& scene : scenes) {
     const bool repeats = scene.group == "distance" && scene.parameter != 1e6;
     const bool again = scene.group == "length" && (scene.parameter == 20 || scene.parameter == 100);
     if (repeats || again) { continue; }
