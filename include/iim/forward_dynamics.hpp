@@ -132,8 +132,9 @@ public:
     tree_.outward([&]<class N, class S>(const N& node, const S&) {
       NodeState<S>& state = ws_.template node<S>(node);
       Vector6<Scalar> y;
+      [[maybe_unused]] Scalar undone(0);  // of q̈, against the inlet's rate about the same axis
       if (node.inlet >= 0) {
-        y = shift_twist(state.r, ws_.frame(node.inlet).Vdot);
+        y = guidance(node, state, undone);
         if constexpr (scene.velocity) {
           for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
         }
@@ -147,13 +148,17 @@ public:
       for (int d = 0; d < S::n_i; ++d) {
         qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
                                   (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
-        ws_.qdd()(node.v + d) = qdd(d);
+        ws_.qdd()(node.v + d) = qdd(d) - undone;
       }
       for (int k = 0; k < S::n_frames; ++k) {
         FrameState<Scalar>& f = ws_.frame(node.frame + k);
         f.Vdot = y;
         if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += f.bias(i); } }
         if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += f.bias(i); } }
+        if constexpr (Workspace::update == Update::square_root && along<S>() != Along::nothing) {
+          ws_.root(node.frame).rest = f.Vdot;
+          ws_.root(node.frame).rate = qdd(0);
+        }
         const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
         for (int d = 0; d < S::n_i; ++d) {
           if constexpr (S::pattern.linear) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
@@ -171,6 +176,23 @@ public:
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 private:
+  /// X(r) V̇ of the inlet, without what the joint undoes of it.
+  template <class N, class S>
+  Vector6<Scalar> guidance(const N& node, const NodeState<S>& state, Scalar& undone) const
+  {
+    if constexpr (Workspace::update == Update::square_root) {
+      const RootInertia<Scalar>& inlet = ws_.root(node.inlet);
+      if (inlet.keeps_v) {
+        const SharedAxis<Scalar>& shared = ws_.shared_axis(node.index);
+        Vector6<Scalar> y = shift_twist(state.r, inlet.rest);
+        for (int k = 0; k < 6; ++k) { y(k) += shared.difference(k) * inlet.rate; }
+        undone = shared.share * inlet.rate;
+        return y;
+      }
+    }
+    return shift_twist(state.r, ws_.frame(node.inlet).Vdot);
+  }
+
   Index first_not_finite() const
   {
     for (const Node& node : tree_.nodes()) {

@@ -209,20 +209,22 @@ void rigid_inward(const N& node, Workspace& ws)
   using Scalar = typename S::Scalar;
   if (node.inlet < 0) { return; }
   NodeState<S>& state = ws.template node<S>(node);
-  FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     Vector6<Scalar> p = f.h;
     if constexpr (Workspace::update == Update::square_root) {
       const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-      stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, false, k == 0, ws);
+      share_axis<S>(node, state, false, ws);
+      put_wrench<S>(node, state, p, Scalar(0), ws);
+      stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws);
     } else {
       SpatialInertia<Scalar> A = f.A;
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, A, p); }
       if constexpr (scene.velocity) { add_wrench_of_linear(A, state.c, p); }
       inlet.A.add_shifted(A, state.r);
+      add(inlet.h, shift_wrench(state.r, p));
     }
-    add(inlet.h, shift_wrench(state.r, p));
   }
 }
 

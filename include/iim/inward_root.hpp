@@ -15,10 +15,44 @@
 
 namespace iim::detail {
 
-/// The rows that are left, and those of bodies on the inlet, seen from the parent's point. annihilated: N' S_i = 0.
+/// S of the inlet against S_i. annihilated: N' S_i = 0.
+template <class S, class N, class Workspace>
+void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool annihilated, Workspace& ws)
+{
+  using Scalar = typename S::Scalar;
+  const RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  if (!inlet.keeps_v) { return; }
+  SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+  shared.difference = shift_twist(state.r, inlet.S);
+  shared.share = Scalar(0);
+  if constexpr (along<S>() != Along::nothing) {
+    if (!annihilated) { return; }
+    const Vector6<Scalar>& own = state.S_k[0];
+    for (int k = S::pattern.angular ? 3 : 0; k < (S::pattern.angular ? 6 : 3); ++k) { shared.share += own(k) * inlet.S(k); }
+    for (int k = 0; k < 6; ++k) { shared.difference(k) -= shared.share * own(k); }
+  }
+}
+
+/// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, where the inlet's S has a share of S_i.
+template <class S, class N, class Workspace>
+void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename S::Scalar>& h,
+                const typename S::Scalar& load, Workspace& ws)
+{
+  RootInertia<typename S::Scalar>& inlet = ws.root(node.inlet);
+  if (!inlet.keeps_v) {
+    add(ws.frame(node.inlet).h, shift_wrench(state.r, h));
+    return;
+  }
+  const SharedAxis<typename S::Scalar>& shared = ws.shared_axis(node.index);
+  add(inlet.h, shift_wrench(state.r, h));
+  inlet.h_along += shared.share * load;
+  for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
+}
+
+/// The rows that are left, and those of bodies on the inlet, seen from the parent's point.
 template <Scene scene, class S, class N, class Workspace>
 void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool annihilated, bool inlet_bodies, Workspace& ws)
+                    bool inlet_bodies, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
@@ -26,19 +60,8 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
   constexpr int most = capacity + RootInertia<Scalar>::most + 6;
   const BodyRoot<Scalar>& body = ws.inlet_body(node.index);
   const int body_rows = inlet_bodies ? body.rows : 0;
-  // n S of the inlet, seen from here. What is left over S_i is known to be zero, and so is taken out of the inlet's column
-  // before the product: of axes that nearly coincide only the difference counts.
   RootRow<Scalar> T = RootRow<Scalar>::Zero(), size = T;
-  if (inlet.keeps_v) {
-    Vector6<Scalar> column = shift_twist(state.r, inlet.S);
-    if constexpr (along<S>() != Along::nothing) {
-      const Vector6<Scalar>& own = state.S_k[0];
-      constexpr int part = S::pattern.angular ? 3 : 0;
-      const Scalar alpha = own(part) * inlet.S(part) + own(part + 1) * inlet.S(part + 1) + own(part + 2) * inlet.S(part + 2);
-      for (int k = 0; k < 6 && annihilated; ++k) { column(k) -= alpha * own(k); }
-    }
-    for (int k = 0; k < 6; ++k) { T(k) = column(k); }
-  }
+  for (int k = 0; k < 6 && inlet.keeps_v; ++k) { T(k) = ws.shared_axis(node.index).difference(k); }
   const auto stack_on = [&](RootRow<Scalar>* row) {
     for (int r = 0; r < count; ++r, ++row) {
       *row = left[r];
@@ -114,13 +137,18 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       }
       if constexpr (has_bias<scene, S>(0) || has_bias<scene, S>(3)) { subtract_known(n, f.bias); }
     }
-    if constexpr (keeps_v) { scale(0) = N_k.scale; }
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
     if (k == 0) {
       hg = f.h;
     } else {
       add(hg, f.h);
     }
+  }
+  if constexpr (keeps_v) {
+    const RootInertia<Scalar>& N_0 = ws.root(node.frame);
+    scale(0) = N_0.scale;
+    hq(0) += N_0.h_along;
+    add(hg, N_0.h);
   }
   [[maybe_unused]] int n_put = 0;
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
@@ -207,14 +235,15 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     for (int j = 0; j < 6; ++j) {
       for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
     }
-    add(ws.frame(node.inlet).h, shift_wrench(state.r, hg));
+    share_axis<S>(node, state, annihilated, ws);
+    put_wrench<S>(node, state, hg, ws.load()(node.v), ws);
     if constexpr (!keeps_v) {
       std::array<int, rank> pivot;
       std::copy(rows.begin() + n_i, rows.begin() + std::max(n_i, count), rows.begin());
       left = compress<rank>(rows, std::max(0, count - n_i), result.data(), pivot);
       top = result.data() - 1;
     }
-    stack_on_inlet<scene>(node, state, top + 1, left, annihilated, true, ws);
+    stack_on_inlet<scene>(node, state, top + 1, left, true, ws);
   }
 }
 

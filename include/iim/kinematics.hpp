@@ -167,7 +167,11 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
       }
       if constexpr (Workspace::update == Update::square_root) {
         RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-        if constexpr (along<S>() != Along::nothing) { N_k.S = state.S_k[0]; }
+        if constexpr (along<S>() != Along::nothing) {
+          N_k.S = state.S_k[0];
+          N_k.h.setZero();
+          N_k.h_along = Scalar(0);
+        }
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, N_k);
         f.h.setZero();
       } else {

@@ -42,7 +42,7 @@ public:
     L_.setZero();
     L_rows_.setZero();
     beta_.setZero();
-    for (Buffer& H : H_) { H.setZero(depth_, 6); }
+    for (Buffer& H : H_) { H.setZero(depth_, 7); }
     path_end_.resize(static_cast<std::size_t>(tree.n_v()));
     for (const Node& node : tree.nodes()) {
       const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
@@ -67,13 +67,20 @@ private:
   static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
   static constexpr int tile = tile_count<Scalar>;   ///< columns of B̂ that share one load of L
   using Lanes = detail::Lanes<Scalar>;
-  using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // H of one frame, transposed: a column per component
+  using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 7>;  // H of one frame, transposed: a column per component, and `rate`
+  static constexpr int rate = 6;  ///< in square-root form H without S·rate, and rate; see SharedAxis
 
   /// Where one column of B̂ is worked on and where it goes.
   struct Column {
     Index bhat;   ///< column of B̂
     Index depth;  ///< path positions that the input reaches
   };
+
+  template <class S, Update update>
+  static constexpr bool keeps_rate()
+  {
+    return update == Update::square_root && along<S>() != Along::nothing;
+  }
 
   Scalar* H(Index frame) { return H_[static_cast<std::size_t>(frame_buffers_[frame])].data(); }
 
@@ -89,15 +96,15 @@ private:
       Index& needed = needed_[static_cast<std::size_t>(node.index)];
       needed = node.path_v;
       if (node.parent >= 0 && !reached(tree_->node(node.parent))) { needed = needed_[static_cast<std::size_t>(node.parent)]; }
-      for (Index a = 0; a < needed; a += lanes) { propagate<S>(node, state, a, needed); }
+      for (Index a = 0; a < needed; a += lanes) { propagate<S>(ws, node, state, a, needed); }
       if (!reached(node)) { return; }
-      if constexpr (S::n_i > 0) { begin_columns<S>(node, state); }
+      if constexpr (S::n_i > 0) { begin_columns<S, Workspace::update>(node, state); }
       const Index depth = node.path_v + S::n_i;
       inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
         if (input.kind == InputKind::motor) {
           project_motor<S>(ws, input, column, depth);
         } else {
-          project_point(ws.frame(input.frame), input, column, depth);
+          project_point(ws, input, column, depth);
         }
         const Index limb_end = limbs_[limbs_.limb_of(node.index)].end;
         for (Index j = 0; j < input.size; ++j, ++column) {
@@ -127,26 +134,42 @@ private:
   }
 
   /// Columns a … a + lanes of L and H: y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i.
-  template <class S, class N>
-  void propagate(const N& node, const NodeState<S>& state, Index a, Index needed)
+  template <class S, class N, class Workspace>
+  void propagate(const Workspace& ws, const N& node, const NodeState<S>& state, Index a, Index needed)
   {
     constexpr int n_i = S::n_i;
+    constexpr bool apart = keeps_rate<S, Workspace::update>();
+    [[maybe_unused]] Lanes undone = Lanes::Zero();  // of q̈, against the inlet's rate about the same axis
     const Scalar* inlet = H(node.inlet) + a;
     std::array<Lanes, 6> y;
     for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + c * depth_); }
     y[0] += y[4] * state.r(2) - y[5] * state.r(1);
     y[1] += y[5] * state.r(0) - y[3] * state.r(2);
     y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+    if constexpr (Workspace::update == Update::square_root) {
+      if (ws.root(node.inlet).keeps_v) {
+        const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+        const Lanes along_inlet = load(inlet + rate * depth_);
+        for (int c = 0; c < 6; ++c) { y[at(c)] += shared.difference(c) * along_inlet; }
+        undone = shared.share * along_inlet;
+      }
+    }
 
     std::array<Lanes, n_i> l;
     for (int d = 0; d < n_i; ++d) {
       l[at(d)] = -state.W(d, 0) * y[0];
       for (int c = 1; c < 6; ++c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
+      if constexpr (apart) {
+        Scalar* frame = H(node.frame) + a;
+        for (int c = 0; c < 6; ++c) { store(frame + c * depth_, y[at(c)]); }
+        store(frame + rate * depth_, l[0]);
+        l[0] -= undone;
+      }
       store(L_rows_.data() + (node.v + d) * depth_ + a, l[at(d)]);
       const Index count = std::min<Index>(lanes, needed - a);
       for (Index p = 0; p < count; ++p) { L_(node.v + d, a + p) = l[at(d)](p); }
     }
-    for (int k = 0; k < S::n_frames; ++k) {
+    for (int k = 0; k < S::n_frames && !apart; ++k) {
       Scalar* frame = H(node.frame + k) + a;
       for (int c = 0; c < 6; ++c) {
         Lanes h = y[at(c)];
@@ -161,10 +184,11 @@ private:
   }
 
   /// Columns of the subsystem's own velocities: L(:, i) = C, H_k(:, i) = S_k C.
-  template <class S, class N>
+  template <class S, Update update, class N>
   void begin_columns(const N& node, const NodeState<S>& state)
   {
     constexpr int n_i = S::n_i;
+    constexpr bool apart = keeps_rate<S, update>();
     const auto& C = state.MbarR_inv_root;
     for (int d = 0; d < n_i; ++d) {
       for (int e = 0; e < n_i; ++e) {
@@ -177,11 +201,12 @@ private:
       for (int d = 0; d < n_i; ++d) {
         for (int c = 0; c < 6; ++c) {
           Scalar h = Scalar(0);
-          if (c < 3 ? S::pattern.linear : S::pattern.angular) {
+          if (!apart && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
             for (int e = 0; e < n_i; ++e) { h += state.S_k[at(k)](c, e) * C(e, d); }
           }
           frame[c * depth_ + d] = h;
         }
+        if constexpr (apart) { frame[rate * depth_] = C(0, 0); }
       }
     }
   }
@@ -202,8 +227,10 @@ private:
   }
 
   /// β = Hᵀ w: velocities of the point, and of its body, per path position; the same zeros.
-  void project_point(const FrameState<Scalar>& f, const Input<Scalar>& input, Index column, Index depth)
+  template <class Workspace>
+  void project_point(const Workspace& ws, const Input<Scalar>& input, Index column, Index depth)
   {
+    const FrameState<Scalar>& f = ws.frame(input.frame);
     Vector3<Scalar> x = f.r;
     add(x, times(f.R, input.point));
     Matrix3<Scalar> axes;
@@ -214,6 +241,11 @@ private:
     for (Index a = 0; a < depth; a += lanes) {
       std::array<Lanes, 6> V;
       for (int c = 0; c < 6; ++c) { V[at(c)] = load(h + c * depth_ + a); }
+      if constexpr (Workspace::update == Update::square_root) {
+        const RootInertia<Scalar>& N = ws.root(input.frame);
+        const Lanes q_dot = load(h + rate * depth_ + a);
+        for (int c = 0; c < 6 && N.keeps_v; ++c) { V[at(c)] += N.S(c) * q_dot; }
+      }
       V[0] += V[4] * x(2) - V[5] * x(1);
       V[1] += V[5] * x(0) - V[3] * x(2);
       V[2] += V[3] * x(1) - V[4] * x(0);

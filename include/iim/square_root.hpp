@@ -46,6 +46,19 @@ struct RootInertia {
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
   Scalar scale;          ///< and Σ |v| as if nothing had cancelled in it
+  Vector6<Scalar> h;     ///< bias wrench of the children alone
+  Scalar h_along;        ///< and Sᵀ h
+  Vector6<Scalar> rest;  ///< acceleration of the frame without S·rate
+  Scalar rate;           ///< coefficient of S in it
+};
+
+/// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's rate
+/// is undone by the child's own joint without anything else moving, so that only the difference acts on what follows;
+/// of axes that nearly coincide it is all there is to see. share = 0 where that does not hold.
+template <class Scalar>
+struct SharedAxis {
+  Vector6<Scalar> difference;
+  Scalar share;
 };
 
 /// What v of a frame's own body is made from.

@@ -5,6 +5,8 @@
 //     inward    τ = Σ_k S_kᵀ p_k + B̄_i e,   p_inlet += X(r)ᵀ (Σ_k p_k − Wᵀ τ)                       (23)
 //     outward   y = X(r) V̇_inlet,   q̈_i = M̄_R⁻¹ τ − W y,   V̇_k = y + S_k q̈_i                       (27), (19)
 //
+// In square-root form Sᵀ p and S q̈ of a frame with one S are kept apart, so that a child on nearly the same axis sees the
+// difference only (SharedAxis).
 // Inward only subsystems between an input and the world have a wrench; outward only trees that an input acts on move.
 #pragma once
 
@@ -31,6 +33,7 @@ public:
 
   Sweep(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), sorted_(inputs), frames_(static_cast<std::size_t>(tree.n_frames())),
+        along_(static_cast<std::size_t>(tree.n_frames()), zero()),
         rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest)
   {
     for (Six& six : frames_) { six.fill(zero()); }
@@ -109,6 +112,7 @@ private:
       const Node& node = tree_->node(i);
       reach_[at(i)] = acted;
       for (int k = 0; k < own_[at(i)].frames; ++k) { frames_[at(node.frame + k)].fill(zero()); }
+      along_[at(node.frame)] = zero();
       for (int d = 0; d < own_[at(i)].velocities; ++d) { rows_[at(node.v + d)] = zero(); }
     }
     if (input.kind == InputKind::motor) {
@@ -118,6 +122,10 @@ private:
     } else {
       const Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
       for (int c = 0; c < 6; ++c) { entry(frames_[at(input.frame)][at(c)], lane) = w(c); }
+      if constexpr (Workspace::update == Update::square_root) {
+        const RootInertia<Scalar>& f = ws.root(input.frame);
+        for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(input.frame)], lane) += f.S(c) * w(c); }
+      }
     }
   }
 
@@ -129,6 +137,8 @@ private:
       constexpr int n_i = S::n_i;
       if (reach_[at(node.index)] != acted) { return; }
       const NodeState<S>& state = ws.template node<S>(node);
+      constexpr bool apart = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+      [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
       Six p = frames_[at(node.frame)];
       for (int k = 1; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) { p[at(c)] += frames_[at(node.frame + k)][at(c)]; }
@@ -137,6 +147,11 @@ private:
         std::array<Lane, n_i> tau;
         for (int d = 0; d < n_i; ++d) {
           tau[at(d)] = rows_[at(node.v + d)];
+          if constexpr (apart) {
+            share = -tau[0];
+            tau[0] += along_[at(node.frame)];
+            break;
+          }
           for (int k = 0; k < S::n_frames; ++k) {
             constexpr int first = S::pattern.linear ? 0 : 3, last = S::pattern.angular ? 6 : 3;
             for (int c = first; c < last; ++c) { tau[at(d)] += frames_[at(node.frame + k)][at(c)] * state.S_k[at(k)](c, d); }
@@ -154,6 +169,14 @@ private:
         }
       }
       if (node.inlet < 0) { return; }
+      if constexpr (Workspace::update == Update::square_root) {
+        if (ws.root(node.inlet).keeps_v) {
+          const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+          Lane& sum = along_[at(node.inlet)];
+          sum += share * shared.share;
+          for (int c = 0; c < 6; ++c) { sum += p[at(c)] * shared.difference(c); }
+        }
+      }
       p[3] += p[2] * state.r(1) - p[1] * state.r(2);
       p[4] += p[0] * state.r(2) - p[2] * state.r(0);
       p[5] += p[1] * state.r(0) - p[0] * state.r(1);
@@ -175,12 +198,22 @@ private:
         reach = carried;
       }
       const NodeState<S>& state = ws.template node<S>(node);
+      constexpr bool apart = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+      [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
       Six y;
       if (guided) {
         y = frames_[at(node.inlet)];
         y[0] += y[4] * state.r(2) - y[5] * state.r(1);
         y[1] += y[5] * state.r(0) - y[3] * state.r(2);
         y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+        if constexpr (Workspace::update == Update::square_root) {
+          if (ws.root(node.inlet).keeps_v) {
+            const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+            const Lane& rate = along_[at(node.inlet)];
+            for (int c = 0; c < 6; ++c) { y[at(c)] += rate * shared.difference(c); }
+            undone = rate * shared.share;
+          }
+        }
       } else {
         y.fill(zero());
       }
@@ -191,11 +224,17 @@ private:
         if (guided) {
           for (int c = 0; c < 6; ++c) { row -= y[at(c)] * state.W(d, c); }
           rows_[at(node.v + d)] = row;
+          if constexpr (apart) { rows_[at(node.v)] -= undone; }
         }
         if constexpr (!is_free<S>()) { qdd[at(d)] = row; }
       }
       // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
       if constexpr (is_free<S>()) { y.fill(zero()); }
+      if constexpr (apart) {
+        frames_[at(node.frame)] = y;
+        along_[at(node.frame)] = qdd[0];
+        return;
+      }
       for (int k = 0; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) {
           Lane Vdot = y[at(c)];
@@ -218,7 +257,8 @@ private:
 
   const Tree* tree_;
   SortedInputs<Tree> sorted_;
-  std::vector<Six> frames_;  // inward p_k, outward V̇_k
+  std::vector<Six> frames_;  // inward p_k, outward V̇_k; apart from S q̈ in square-root form
+  std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   std::vector<Reach> reach_;
   std::vector<Own> own_;

@@ -76,6 +76,7 @@ public:
       for (Index f = 0; f < tree.n_frames(); ++f) { frame_body_.emplace_back(tree.frame_mass(f)); }
       for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
       root_.resize(frames_.size());
+      shared_axis_.resize(static_cast<std::size_t>(tree.size()));
     }
     qdd_.setZero();
     load_.setZero();
@@ -126,6 +127,10 @@ public:
   const detail::BodyRoot<Scalar>& frame_body(Index f) const { return frame_body_[static_cast<std::size_t>(f)]; }
   const detail::BodyRoot<Scalar>& inlet_body(Index i) const { return inlet_body_[static_cast<std::size_t>(i)]; }
 
+  /// S of the frame that subsystem i hangs on, against i's own.
+  detail::SharedAxis<Scalar>& shared_axis(Index i) { return shared_axis_[static_cast<std::size_t>(i)]; }
+  const detail::SharedAxis<Scalar>& shared_axis(Index i) const { return shared_axis_[static_cast<std::size_t>(i)]; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
@@ -138,6 +143,7 @@ private:
   typename Tree::template Storage<NodeState> nodes_;
   std::vector<FrameState<Scalar>> frames_;
   std::vector<detail::RootInertia<Scalar>> root_;
+  std::vector<detail::SharedAxis<Scalar>> shared_axis_;
   std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<detail::BodyRoot<Scalar>> inlet_body_;
   VectorX<Scalar> qdd_;
