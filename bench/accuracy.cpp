@@ -27,7 +27,7 @@ constexpr const char* usage =
     "Runs every method × frame convention × update × scalar on plain and extreme scenes and writes into FOLDER:\n"
     "  accuracy.md, accuracy_*.svg   tables and figures\n"
     "--quick                         fewer states, shorter chains, fewer steps\n"
-    "--only PART                     bounds, robots, scenes, known or runs\n"
+    "--only PART                     bounds, robots, cost, scenes, known or runs\n"
     "--robots DIR                    with panda.urdf, ur5.urdf, anymal.urdf, solo12.urdf; default ../shared/robots\n";
 
 struct Options {
@@ -59,6 +59,7 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
                           accuracy_outcomes<long double>(scene, result.reference)}) {
       result.outcomes.insert(result.outcomes.end(), outcomes.begin(), outcomes.end());
     }
+    if (scene.timed) { measure_times(result); }
     // The matrices of long chains are no longer needed.
     for (Yardstick& y : result.reference.yardsticks) { y.M = y.B = {}; }
     results.push_back(std::move(result));
@@ -110,6 +111,7 @@ void run(const Options& options)
                    iim_build::commit + "; " + processor() + ", core " + std::to_string(core) + ", " + date() + ".");
   std::vector<Figure> figures;
   bool drawn = true;
+  if (options.wants("cost")) { write_costs(options.quick, report); }
   if (options.wants("scenes")) { write_scene_part(options, report, figures, drawn); }
   if (options.only == "robots") { write_bounds(accuracy_bounds(robots(options, 100, report)), report); }
   if (options.wants("bounds")) {

@@ -8,6 +8,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -59,12 +61,13 @@ struct Outcome {
   double qdd0_error = 0;
   double Bhat_excess = 0;  ///< error / what one ε of the scalar in the data does at that state
   double qdd0_excess = 0;
+  int silent = 0;        ///< states ok but off by more than 10⁻², where one ε in the data moves it by less than 10⁻⁴
   int refused = 0;       ///< states that came back with a status
   std::string status{};  ///< of the first one refused
   double time = 0;       ///< µs per state, median; 0 if not measured
 };
 
-/// All scenes. states: so many for each (a tenth for chains from 500 links on); 0: as many as the report needs.
+/// All scenes. states: so many for each; 0: as many as the report needs.
 std::vector<AccuracyScene> accuracy_scenes(bool quick, int states = 0);
 
 /// Throws std::runtime_error if the library with 80 digits and the paper's formulas as printed do not agree (n_v ≤ 64).
@@ -73,6 +76,18 @@ AccuracyReference accuracy_reference(const AccuracyScene& scene);
 /// All variants in one Scalar. float, double and long double are compiled apart.
 template <class Scalar>
 std::vector<Outcome> accuracy_outcomes(const AccuracyScene& scene, const AccuracyReference& reference);
+
+/// One variant once through the states of a scene.
+struct Pass {
+  std::string variant;
+  std::string scalar;
+  std::size_t states;
+  std::function<void()> run;
+};
+
+/// All variants in one Scalar on memory of their own.
+template <class Scalar>
+std::vector<Pass> accuracy_passes(const AccuracyScene& scene);
 
 /// Worst errors of one case over many states, in ε of the scalar; against the square-root form in long double.
 struct Bound {

@@ -9,4 +9,10 @@ std::vector<Outcome> accuracy_outcomes<double>(const AccuracyScene& scene, const
   return outcomes_in<double>("double", scene, reference);
 }
 
+template <>
+std::vector<Pass> accuracy_passes<double>(const AccuracyScene& scene)
+{
+  return passes_in<double>("double", scene);
+}
+
 }  // namespace bench

@@ -9,4 +9,10 @@ std::vector<Outcome> accuracy_outcomes<long double>(const AccuracyScene& scene, 
   return outcomes_in<long double>("long double", scene, reference);
 }
 
+template <>
+std::vector<Pass> accuracy_passes<long double>(const AccuracyScene& scene)
+{
+  return passes_in<long double>("long double", scene);
+}
+
 }  // namespace bench

@@ -59,6 +59,49 @@ std::string in_epsilon(const Bound::Worst& w, int states)
   return text;
 }
 
+/// Results that a caller would take for right.
+void write_silent(const std::vector<AccuracyResult>& results, Report& report)
+{
+  report.section("Wrong without a status");
+  report.paragraph("States that came back ok although B̂ or q̈₀ is off by more than 1 % where one ε of the scalar in the data moves "
+                   "it by less than 0.01 %, or although there is no result. All scenes of this report, every variant; behind each "
+                   "name how many of the states.");
+  Table table({"scene", "scalar", "wrong without a status"});
+  for (const AccuracyResult& result : results) {
+    const std::string states = std::to_string(result.scene.states.size());
+    for (const char* scalar : scalars) {
+      std::string who;
+      for (const Outcome& o : result.outcomes) {
+        if (o.scalar != scalar || o.silent == 0) { continue; }
+        who += (who.empty() ? "" : "; ") + o.variant + ": " + std::to_string(o.silent) + " of " + states;
+      }
+      if (!who.empty()) { table.add({result.scene.name, scalar, who}); }
+    }
+  }
+  if (table.empty()) {
+    report.paragraph("None.");
+    return;
+  }
+  report.table(table.left());
+  Table sums({"variant", "float", "double", "long double"});
+  for (const Outcome& some : results.front().outcomes) {
+    if (some.scalar != results.front().outcomes.front().scalar) { continue; }
+    std::vector<std::string> row{some.variant};
+    for (const char* scalar : scalars) {
+      int silent = 0;
+      int states = 0;
+      for (const AccuracyResult& result : results) {
+        const Outcome* o = find(result, some.variant, scalar);
+        silent += o->silent;
+        states += static_cast<int>(result.scene.states.size());
+      }
+      row.push_back(std::to_string(silent) + " of " + std::to_string(states));
+    }
+    sums.add(row);
+  }
+  report.table(sums);
+}
+
 }  // namespace
 
 void write_bounds(const std::vector<Bound>& bounds, Report& report)
@@ -169,6 +212,7 @@ void write_failures(const std::vector<AccuracyResult>& results, Report& report)
   }
   report.table(table.left());
   report.paragraph("Nobody fails in double or float: " + nobody + ".");
+  write_silent(results, report);
 }
 
 void write_details(const std::vector<AccuracyResult>& results, const std::string& group, Report& report)

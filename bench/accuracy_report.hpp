@@ -16,6 +16,12 @@ struct AccuracyResult {
   std::vector<Outcome> outcomes;
 };
 
+/// The median time of every outcome: all variants take turns.
+void measure_times(AccuracyResult& result);
+
+/// Ratios of the tiers' times on the biped.
+void write_costs(bool quick, Report& report);
+
 /// The bounds that are aimed at, against the worst of many states.
 void write_bounds(const std::vector<Bound>& bounds, Report& report);
 
@@ -25,7 +31,7 @@ void write_time_table(const AccuracyResult& result, Report& report);
 /// A row per scene of the group: condition, sensitivity and the errors of the chosen variants.
 void write_overview(const std::vector<AccuracyResult>& results, const std::string& group, Report& report);
 
-/// Per extreme scene who fails, and how.
+/// Per extreme scene who fails, and how; and how many results of whom are wrong without a status.
 void write_failures(const std::vector<AccuracyResult>& results, Report& report);
 
 /// All measures of all variants on the scenes of the group.

@@ -160,7 +160,7 @@ void fill(AccuracyScene& scene, int count, double speed = 1, double spread = 1)
 std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
 {
   std::vector<AccuracyScene> scenes;
-  const int count = states > 0 ? states : quick ? 3 : 20;
+  const int count = states > 0 ? states : quick ? 5 : 100;
   const auto add = [&](AccuracyScene scene, double speed = 1, double spread = 1) {
     fill(scene, scene.timed && states == 0 ? 32 : count, speed, spread);
     scenes.push_back(std::move(scene));
@@ -176,7 +176,7 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
   if (!quick) { lengths.insert(lengths.end(), {200, 500, 1000}); }
   for (const Index n : lengths) {
     AccuracyScene scene{"chain of " + std::to_string(n), "length", static_cast<double>(n), alternating(n)};
-    fill(scene, states > 0 ? std::max(1, n >= 500 ? states / 10 : states) : quick ? 1 : n >= 500 ? 2 : 5);
+    fill(scene, states > 0 ? states : quick ? 1 : n >= 500 ? 2 : 5);
     scenes.push_back(std::move(scene));
   }
 

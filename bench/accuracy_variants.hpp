@@ -3,24 +3,87 @@
 
 #include "accuracy.hpp"
 #include "frame_conventions.hpp"
-#include "statistics.hpp"
 
 #include <iim/global_inverse.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/unit_force.hpp>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace bench {
 
-/// Adds what one result is off by at state k.
-template <class Scalar, class ResultType>
-void measure(const ResultType& result, const Reference& exact, const Yardstick& y, Outcome& outcome)
+/// A scene in one Scalar, shared by whatever evaluates it.
+template <class Scalar>
+struct AccuracyRobot {
+  explicit AccuracyRobot(const AccuracyScene& scene) : tree(scene.parts.template cast<Scalar>()), inputs(accuracy_inputs(scene, tree))
+  {
+    for (const State<double>& x : scene.states) { states.push_back(x.template cast<Scalar>()); }
+  }
+  AccuracyRobot(const AccuracyRobot&) = delete;
+  AccuracyRobot& operator=(const AccuracyRobot&) = delete;
+
+  const Tree<Scalar> tree;
+  iim::Inputs<Tree<Scalar>> inputs;
+  std::vector<State<Scalar>> states;
+};
+
+/// One method on memory of its own. What it returns is good until it is called again.
+template <class Scalar>
+struct Variant {
+  std::string name;
+  std::function<iim::AffineDynamics<Scalar>(const State<Scalar>&)> evaluate;
+};
+
+template <class Scalar, class Method, iim::Update update>
+class OnWorkspace {
+public:
+  explicit OnWorkspace(const std::shared_ptr<const AccuracyRobot<Scalar>>& robot)
+      : robot_(robot), workspace_(robot_->tree), method_(robot_->tree, robot_->inputs)
+  {
+  }
+
+  iim::AffineDynamics<Scalar> operator()(const State<Scalar>& x)
+  {
+    using Vector = const iim::VectorX<Scalar>&;
+    if constexpr (std::is_invocable_v<Method&, Vector, Vector, iim::Workspace<Tree<Scalar>, update>&>) {
+      return method_(x.q, x.qd, workspace_);  // of the O(n) pass it needs the kinematics only
+    } else {
+      return method_(iim::forward_dynamics(x.q, x.qd, workspace_));
+    }
+  }
+
+private:
+  std::shared_ptr<const AccuracyRobot<Scalar>> robot_;
+  iim::Workspace<Tree<Scalar>, update> workspace_;
+  Method method_;
+};
+
+template <class Scalar, Frames frames, iim::Update update>
+class InFrames {
+public:
+  explicit InFrames(const std::shared_ptr<const AccuracyRobot<Scalar>>& robot)
+      : robot_(robot), method_(robot_->tree, robot_->inputs)
+  {
+  }
+
+  iim::AffineDynamics<Scalar> operator()(const State<Scalar>& x) { return method_(x.q, x.qd); }
+
+private:
+  std::shared_ptr<const AccuracyRobot<Scalar>> robot_;
+  FrameConvention<Scalar, frames, update> method_;
+};
+
+/// Adds what one result is off by at one state.
+template <class Scalar>
+void measure(const iim::AffineDynamics<Scalar>& result, const Reference& exact, const Yardstick& y, Outcome& outcome)
 {
   const double epsilon = std::ldexp(1.0, 1 - std::numeric_limits<Scalar>::digits);
   const double epsilons = epsilon / std::numeric_limits<double>::epsilon();
@@ -30,6 +93,8 @@ void measure(const ResultType& result, const Reference& exact, const Yardstick& 
   outcome.qdd0_error = std::max(outcome.qdd0_error, qdd0_error);
   outcome.Bhat_excess = std::max(outcome.Bhat_excess, Bhat_error / (epsilons * y.Bhat_sensitivity));
   outcome.qdd0_excess = std::max(outcome.qdd0_excess, qdd0_error / (epsilons * y.qdd0_sensitivity));
+  const auto wrong = [&](double error, double sensitivity) { return !(error <= 1e-2) && epsilons * sensitivity < 1e-4; };
+  outcome.silent += wrong(Bhat_error, y.Bhat_sensitivity) || wrong(qdd0_error, y.qdd0_sensitivity) ? 1 : 0;
   for (Index j = 0; j < result.Bhat.cols(); ++j) {
     for (Index i = 0; i < result.Bhat.rows(); ++i) {
       const long double d =
@@ -50,17 +115,14 @@ void measure(const ResultType& result, const Reference& exact, const Yardstick& 
   }
 }
 
-/// Worst errors over the pool, and the median time of a pass over it. `evaluate`: (q, q̇) to a result.
-template <class Scalar, class Evaluate>
-Outcome outcome_of(const std::string& variant, const char* scalar, const AccuracyScene& scene,
-                   const AccuracyReference& reference, Evaluate&& evaluate)
+/// Worst errors over the scene's states.
+template <class Scalar>
+Outcome outcome_of(const Variant<Scalar>& variant, const char* scalar, const std::vector<State<Scalar>>& states,
+                   const AccuracyReference& reference)
 {
-  using Clock = std::chrono::steady_clock;
-  Outcome outcome{variant, scalar};
-  std::vector<State<Scalar>> states;
-  for (const State<double>& x : scene.states) { states.push_back(x.template cast<Scalar>()); }
+  Outcome outcome{variant.name, scalar};
   for (std::size_t k = 0; k < states.size(); ++k) {
-    const auto result = evaluate(states[k].q, states[k].qd);
+    const auto result = variant.evaluate(states[k]);
     if (!result.ok()) {
       if (outcome.refused++ == 0) { outcome.status = iim::to_string(result.status); }
     } else if (k < reference.values.size()) {
@@ -71,55 +133,46 @@ Outcome outcome_of(const std::string& variant, const char* scalar, const Accurac
       outcome.Bhat_error = outcome.qdd0_error =
           exists ? std::numeric_limits<double>::quiet_NaN() : std::numeric_limits<double>::infinity();
       outcome.Bhat_excess = exists ? 0 : outcome.Bhat_error;
+      const bool holds_it = std::numeric_limits<Scalar>::max_exponent > std::numeric_limits<double>::max_exponent;
+      outcome.silent += exists && holds_it ? 0 : 1;
     }
-  }
-  if (scene.timed) {
-    std::vector<double> samples;
-    for (int repetition = 0; repetition < 31; ++repetition) {
-      const auto begin = Clock::now();
-      for (const State<Scalar>& x : states) {
-        const auto result = evaluate(x.q, x.qd);
-        asm volatile("" : : "r"(result.Bhat.data()), "r"(result.qdd0.data()) : "memory");
-      }
-      samples.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count() /
-                        static_cast<double>(states.size()));
-    }
-    outcome.time = spread(samples).median;
   }
   return outcome;
 }
 
-/// Calls run(name, evaluate) for every variant.
-template <class Scalar, class Run>
-void for_each_variant(const Tree<Scalar>& tree, const iim::Inputs<Tree<Scalar>>& inputs, Run&& run)
+/// Every method × frame convention × update.
+template <class Scalar>
+std::vector<Variant<Scalar>> accuracy_variants(const std::shared_ptr<const AccuracyRobot<Scalar>>& robot)
 {
   using iim::Update;
   using TreeType = Tree<Scalar>;
+  std::vector<Variant<Scalar>> variants;
+  const auto add = [&]<class Memory>(const std::string& name) {
+    variants.push_back({name, [own = std::make_shared<Memory>(robot)](const State<Scalar>& x) { return (*own)(x); }});
+  };
   const auto on_workspace = [&]<class Method, Update update>(const std::string& name) {
-    iim::Workspace<TreeType, update> workspace(tree);
-    Method method(tree, inputs);
-    run(name, [&](const auto& q, const auto& qd) { return method(iim::forward_dynamics(q, qd, workspace)); });
+    add.template operator()<OnWorkspace<Scalar, Method, update>>(name);
   };
   const auto every_update = [&]<class Method>(const std::string& name) {
     on_workspace.template operator()<Method, Update::printed>(name + ", printed");
     on_workspace.template operator()<Method, Update::projected>(name + ", projected");
     on_workspace.template operator()<Method, Update::square_root>(name + ", square root");
   };
-  const auto in_frames = [&]<Frames frames>(const std::string& name) {
-    FrameConvention<Scalar, frames, Update::printed> printed(tree, inputs);
-    run(name + ", printed", [&](const auto& q, const auto& qd) { return printed(q, qd); });
-    FrameConvention<Scalar, frames, Update::projected> projected(tree, inputs);
-    run(name + ", projected", [&](const auto& q, const auto& qd) { return projected(q, qd); });
+  const auto in_frames = [&]<Frames frames, Update update>(const std::string& name) {
+    add.template operator()<InFrames<Scalar, frames, update>>(name);
   };
   every_update.template operator()<iim::ImplicitInversion<TreeType>>("implicit inversion");
   every_update.template operator()<iim::UnitForce<TreeType>>("unit forces");
   every_update.template operator()<iim::RecursiveInverse<TreeType>>("recursive inverse");
-  in_frames.template operator()<Frames::body_fixed>("body-fixed frames");
-  in_frames.template operator()<Frames::common_origin>("common origin");
+  in_frames.template operator()<Frames::body_fixed, Update::printed>("body-fixed frames, printed");
+  in_frames.template operator()<Frames::body_fixed, Update::projected>("body-fixed frames, projected");
+  in_frames.template operator()<Frames::common_origin, Update::printed>("common origin, printed");
+  in_frames.template operator()<Frames::common_origin, Update::projected>("common origin, projected");
   on_workspace.template operator()<iim::GlobalInverse<TreeType, iim::Factorization::branch_sparse>, Update::projected>(
       "branch-sparse Cholesky");
   on_workspace.template operator()<iim::GlobalInverse<TreeType, iim::Factorization::dense>, Update::projected>(
       "dense Cholesky");
+  return variants;
 }
 
 template <class Scalar>
@@ -127,11 +180,10 @@ std::vector<Outcome> outcomes_in(const char* scalar, const AccuracyScene& scene,
 {
   std::vector<Outcome> outcomes;
   try {
-    const Tree<Scalar> tree(scene.parts.template cast<Scalar>());
-    const auto inputs = accuracy_inputs(scene, tree);
-    for_each_variant<Scalar>(tree, inputs, [&](const std::string& name, auto&& evaluate) {
-      outcomes.push_back(outcome_of<Scalar>(name, scalar, scene, reference, evaluate));
-    });
+    const auto robot = std::make_shared<const AccuracyRobot<Scalar>>(scene);
+    for (const Variant<Scalar>& variant : accuracy_variants<Scalar>(robot)) {
+      outcomes.push_back(outcome_of<Scalar>(variant, scalar, robot->states, reference));
+    }
   } catch (const iim::ModelError&) {
     // A mass of 10³⁰⁰ kg is no float: the tree says so when it is built.
     Outcome outcome{"all", scalar};
@@ -140,6 +192,22 @@ std::vector<Outcome> outcomes_in(const char* scalar, const AccuracyScene& scene,
     outcomes.push_back(outcome);
   }
   return outcomes;
+}
+
+template <class Scalar>
+std::vector<Pass> passes_in(const char* scalar, const AccuracyScene& scene)
+{
+  std::vector<Pass> passes;
+  const auto robot = std::make_shared<const AccuracyRobot<Scalar>>(scene);
+  for (const Variant<Scalar>& variant : accuracy_variants<Scalar>(robot)) {
+    passes.push_back({variant.name, scalar, scene.states.size(), [variant, robot] {
+                        for (const State<Scalar>& x : robot->states) {
+                          const auto result = variant.evaluate(x);
+                          asm volatile("" : : "r"(result.Bhat.data()), "r"(result.qdd0.data()) : "memory");
+                        }
+                      }});
+  }
+  return passes;
 }
 
 }  // namespace bench

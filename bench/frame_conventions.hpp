@@ -33,13 +33,6 @@ public:
   using Vector6 = iim::Vector6<Scalar>;
   using Matrix6 = iim::Matrix6<Scalar>;
 
-  struct Result {
-    const iim::VectorX<Scalar>& qdd0;
-    const iim::MatrixX<Scalar>& Bhat;
-    iim::Status status;
-    bool ok() const { return status == iim::Status::ok; }
-  };
-
   FrameConvention(const TreeType& tree, const iim::Inputs<TreeType>& inputs)
       : gravity_(tree.gravity()), qdd0_(tree.n_v()), Bhat_(tree.n_v(), inputs.columns())
   {
@@ -67,7 +60,7 @@ public:
   }
 
   template <class Q, class V>
-  Result operator()(const Q& q, const V& qd)
+  iim::AffineDynamics<Scalar> operator()(const Q& q, const V& qd)
   {
     status_ = iim::Status::ok;
     for (Link& link : links_) { link.n_i == 6 ? outward<6>(link, q, qd) : outward<1>(link, q, qd); }
@@ -75,8 +68,9 @@ public:
       link->n_i == 6 ? inward<6>(*link, qd) : inward<1>(*link, qd);
     }
     for (Link& link : links_) { link.n_i == 6 ? accelerate<6>(link) : accelerate<1>(link); }
-    if (status_ == iim::Status::ok && !(iim::detail::all_finite(qdd0_) && iim::detail::all_finite(Bhat_))) { status_ = iim::Status::not_finite; }
-    return {qdd0_, Bhat_, status_};
+    const bool finite = iim::detail::all_finite(qdd0_) && iim::detail::all_finite(Bhat_);
+    if (status_ == iim::Status::ok && !finite) { status_ = iim::Status::not_finite; }
+    return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), Bhat_.rows(), Bhat_.cols()}, status_, -1};
   }
 
 private:
