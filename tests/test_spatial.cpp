@@ -101,7 +101,7 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
       }
       std::array<detail::RootRow<double>, 6> result;
       std::array<int, 6> pivot{};
-      const int left = detail::compress<6>(rows, count, result.data(), pivot);
+      const int left = detail::compress<6, most>(rows.data(), count, result.data(), pivot);
       CHECK(left == std::min(count, 6));
       for (int r = 0; r < left; ++r) {
         for (int k = 0; k < r; ++k) {
@@ -141,7 +141,7 @@ TEST_CASE("rows with v first: T, N₁, z₁ and then [N' | z' | 0], nothing drow
       }
       std::array<detail::RootRow<double>, 7> result;
       std::array<int, 7> pivot{};
-      REQUIRE(detail::compress<7, detail::along_S>(rows, count, result.data(), pivot) == std::min(count, 7));
+      REQUIRE(detail::compress<7, 17, detail::along_S>(rows.data(), count, result.data(), pivot) == std::min(count, 7));
       CHECK(pivot[0] == detail::along_S);
       Eigen::Matrix<long double, 8, 8> after = Eigen::Matrix<long double, 8, 8>::Zero();
       for (int r = 0; r < std::min(count, 7); ++r) {

@@ -12,6 +12,7 @@
 #include <array>
 #include <cstddef>
 #include <limits>
+#include <tuple>
 
 namespace iim::detail {
 
@@ -93,7 +94,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
     std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin());
     stack_on(stack.data() + inlet.rows);
     std::array<int, 6> pivot;
-    inlet.rows = compress<6>(stack, rows, inlet.row.data(), pivot);
+    inlet.rows = compress<6, most>(stack.data(), rows, inlet.row.data(), pivot);
   }
   if (inlet.keeps_v) { inlet.scale += (size(0) + size(1) + size(2)) + (size(3) + size(4) + size(5)); }
 }
@@ -113,9 +114,11 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   NodeState<S>& state = ws.template node<S>(node);
 
-  // [N | z | v] over the frames, v beside it if it has several columns; and applied forces.
-  std::array<RootRow<Scalar>, most> rows;
-  [[maybe_unused]] std::array<VectorI, most> v;
+  // [N | z | v] over the frames, copied with v beside it if it has several columns; and applied forces.
+  constexpr bool has_known = has_bias<scene, S>(0) || has_bias<scene, S>(3);
+  std::array<RootRow<Scalar>, keeps_v ? 1 : most> own_rows;
+  [[maybe_unused]] std::array<VectorI, keeps_v ? 1 : most> v;
+  RootRow<Scalar>* const rows = keeps_v ? ws.root(node.frame).row.data() : own_rows.data();
   int count = 0;
   Vector6<Scalar> hg;
   VectorI hq, scale;
@@ -127,15 +130,15 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-    for (int r = 0; r < N_k.rows; ++r, ++count) {
-      const auto at = static_cast<std::size_t>(count);
-      RootRow<Scalar>& n = rows[at];
+    if constexpr (keeps_v) { count = N_k.rows; }
+    for (int r = 0; r < N_k.rows && !keeps_v; ++r, ++count) {
+      RootRow<Scalar>& n = rows[count];
       n = N_k.row[static_cast<std::size_t>(r)];
-      for (int d = 0; d < n_i && !keeps_v && !is_free<S>(); ++d) {
-        v[at](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
+      for (int d = 0; d < n_i && !is_free<S>(); ++d) {
+        v[static_cast<std::size_t>(count)](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
         for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
       }
-      if constexpr (has_bias<scene, S>(0) || has_bias<scene, S>(3)) { subtract_known(n, f.bias); }
+      if constexpr (has_known) { subtract_known(n, f.bias); }
     }
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
     if (k == 0) {
@@ -152,29 +155,34 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   }
   [[maybe_unused]] int n_put = 0;
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
-    const auto at = static_cast<std::size_t>(count++);
-    ++n_put;
     for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
     if constexpr (keeps_v) {
-      rows[at](along_S) = ratio(0);
+      rows[count](along_S) = ratio(0);
     } else {
-      v[at] = ratio;
+      v[static_cast<std::size_t>(count)] = ratio;
     }
+    ++count;
+    ++n_put;
   };
   if constexpr (rotor_count<S>() > 0) {
     for (const auto& rotor : s.rotors()) {
       const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
-      const Scalar root = sqrt(spun.J);
-      const Scalar zero(0);
-      rows[static_cast<std::size_t>(count)] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2),
-          -root * spun.bias, zero;
-      if (spun.J > Scalar(0)) { put_within(root * spun.e); }
+      if (spun.J > Scalar(0)) {
+        const Scalar root = sqrt(spun.J);
+        const Scalar zero(0);
+        Scalar known = spun.bias;
+        if constexpr (keeps_v && has_known) {  // what is subtracted from all rows below, the inlet's rotors do not have
+          for (int j = 0; j < 3; ++j) { known -= spun.a(j) * ws.frame(node.frame).bias(j + 3); }
+        }
+        rows[count] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * known, zero;
+        put_within(root * spun.e);
+      }
       if constexpr (scene.velocity) { add_gyroscopic(spun, rotor, state, hg, hq); }
     }
   }
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) {
-      rows[static_cast<std::size_t>(count)].setZero();
+      rows[count].setZero();
       put_within(sqrt(spring.inertia) * spring.ratio.transpose());
     }
   }
@@ -183,43 +191,42 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   const bool annihilated = S::n_frames == 1 && n_put == 0;
   constexpr int rank = S::n_frames == 1 && n_within == 0 ? 6 - n_i : 6;
   std::array<RootRow<Scalar>, 1 + rank> result;
-  RootRow<Scalar>* top = rows.data();
+  RootRow<Scalar>* top = rows;
   int left = 0;
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
     std::array<int, 1 + rank> pivot;
-    left = compress<1 + rank, along_S>(rows, count, result.data(), pivot, annihilated ? 6 : 7) - 1;
+    constexpr std::size_t room = std::tuple_size_v<decltype(RootInertia<Scalar>::row)>;
+    left = compress<1 + rank, room, along_S>(rows, count, result.data(), pivot, annihilated ? 6 : 7) - 1;
     top = result.data();
+    for (int r = 0; r <= left && has_known; ++r) { subtract_known(top[r], ws.frame(node.frame).bias); }
     v[0](0) = top[0](along_S);
     C(0, 0) = Scalar(1) / v[0](0);
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = left >= 0 && ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
   } else if constexpr (is_free<S>()) {
-    regular = eliminate_free<Scalar, most>(rows, count, state.S_k[0], v, C);
+    regular = eliminate_free<Scalar, most>(own_rows, count, state.S_k[0], v, C);
   } else {
-    regular = eliminate<n_i, Scalar, most>(v, rows, count, scale, C);
+    regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C);
   }
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     C.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
     left = 0;
   }
-  for (int d = 0; d < n_i; ++d) {
+  for (int k = 0; k < n_i; ++k) {
+    const VectorI& t = v[static_cast<std::size_t>(k)];
     for (int e = 0; e < n_i; ++e) {
-      state.MbarR_inv(d, e) = C(d, 0) * C(e, 0);
-      state.MbarR(d, e) = v[0](d) * v[0](e);
-      for (int k = 1; k < n_i; ++k) {
-        state.MbarR_inv(d, e) += C(d, k) * C(e, k);
-        state.MbarR(d, e) += v[static_cast<std::size_t>(k)](d) * v[static_cast<std::size_t>(k)](e);
+      for (int d = 0; d < n_i; ++d) {
+        state.MbarR_inv(d, e) = (k > 0 ? state.MbarR_inv(d, e) : Scalar(0)) + C(d, k) * C(e, k);
+        state.MbarR(d, e) = (k > 0 ? state.MbarR(d, e) : Scalar(0)) + t(d) * t(e);
       }
     }
-    for (int j = 0; j < 6; ++j) {
-      state.W(d, j) = C(d, 0) * top[0](j);
-      state.U(j, d) = v[0](d) * top[0](j);
-      for (int k = 1; k < n_i; ++k) {
-        state.W(d, j) += C(d, k) * top[k](j);
-        state.U(j, d) += v[static_cast<std::size_t>(k)](d) * top[k](j);
+    for (int d = 0; d < n_i; ++d) {
+      for (int j = 0; j < 6; ++j) { state.U(j, d) = (k > 0 ? state.U(j, d) : Scalar(0)) + t(d) * top[k](j); }
+      for (int j = 0; j < 6 && !is_free<S>(); ++j) {
+        state.W(d, j) = (k > 0 ? state.W(d, j) : Scalar(0)) + C(d, k) * top[k](j);
       }
     }
   }
@@ -239,8 +246,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     put_wrench<S>(node, state, hg, ws.load()(node.v), ws);
     if constexpr (!keeps_v) {
       std::array<int, rank> pivot;
-      std::copy(rows.begin() + n_i, rows.begin() + std::max(n_i, count), rows.begin());
-      left = compress<rank>(rows, std::max(0, count - n_i), result.data(), pivot);
+      left = compress<rank, most>(rows + n_i, std::max(0, count - n_i), result.data(), pivot);
       top = result.data() - 1;
     }
     stack_on_inlet<scene>(node, state, top + 1, left, true, ws);

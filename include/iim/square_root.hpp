@@ -41,7 +41,8 @@ inline constexpr int along_S = 7;  ///< lane of v
 template <class Scalar>
 struct RootInertia {
   static constexpr int most = 18;
-  std::array<RootRow<Scalar>, most> row;
+  static constexpr int within = 4;  ///< and for rotors and springs
+  std::array<RootRow<Scalar>, most + within> row;
   int rows = 0;
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
@@ -71,7 +72,8 @@ enum class Along {
 template <class S>
 constexpr Along along()
 {
-  if (S::n_i != 1 || S::n_frames != 1 || is_free<S>()) { return Along::nothing; }
+  const int within = rotor_count<S>() + spring_count<S>();
+  if (S::n_i != 1 || S::n_frames != 1 || is_free<S>() || within > RootInertia<typename S::Scalar>::within) { return Along::nothing; }
   return has_own_twist<S>() ? Along::own_twist : Along::column;
 }
 
@@ -236,8 +238,7 @@ template <class Scalar>
 
 /// Order of the rows by size, largest first; `top` before them all. Counts instead of swapping: no branch to guess.
 template <std::size_t most, class Scalar>
-[[gnu::always_inline]] inline void sort_rows(const std::array<RootRow<Scalar>, most>& stack, int count, int top,
-                                             RootRow<Scalar>* sorted)
+[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, int top, RootRow<Scalar>* sorted)
 {
   constexpr std::size_t padded = (most + 7) / 8 * 8;
   std::array<Scalar, padded> size;
@@ -257,12 +258,12 @@ template <std::size_t most, class Scalar>
   for (std::size_t r = 0; r < rows; ++r) { sorted[place[r]] = stack[r]; }
 }
 
-/// Replaces `count` rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
+/// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
 /// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
 /// `first` = along_S: Q of the file's head. The first column is v, its largest entry above all, and result[0] is
 /// [N₁ | z₁ | T]; the rows after it are [N' | z' | 0].
-template <int steps, int first = -1, std::size_t most, class Scalar>
-int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<Scalar>* result,
+template <int steps, std::size_t most, int first = -1, class Scalar>
+int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
              std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
 {
   count = std::min(count, static_cast<int>(most));
@@ -270,11 +271,11 @@ int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<
   int top_row = -1;
   if constexpr (first >= 0) {
     std::array<Scalar, most> v;
-    for (int r = 0; r < count; ++r) { v[static_cast<std::size_t>(r)] = stack[static_cast<std::size_t>(r)](first); }
+    for (int r = 0; r < count; ++r) { v[static_cast<std::size_t>(r)] = stack[r](first); }
     top_row = largest(v.data(), count);
   }
   std::array<RootRow<Scalar>, most + abreast> sorted;
-  sort_rows(stack, count, top_row, sorted.data());
+  sort_rows<most>(stack, count, top_row, sorted.data());
   for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
   RootRow<Scalar> square =
       weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
@@ -296,6 +297,7 @@ int compress(const std::array<RootRow<Scalar>, most>& stack, int count, RootRow<
     // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
     const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;
     result[k] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation; alpha in its column
+    if (k + 1 == rank) { break; }
     // The next column by what Pythagoras leaves of it, which is there before the rows are; by themselves if that is roundings.
     const RootRow<Scalar> left = (square - result[k] * result[k]) * (Scalar(1) - unit);
     const Scalar doubtful = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * most_left;
@@ -391,34 +393,35 @@ template <class Scalar, int most>
   for (int r = 0; r < count; ++r) { scale += rows[static_cast<std::size_t>(r)].abs(); }
   std::array<RootRow<Scalar>, 6> N;
   std::array<int, 6> pivot{};
-  if (compress<6>(rows, count, N.data(), pivot) < 6) { return false; }
+  if (compress<6, static_cast<std::size_t>(most)>(rows.data(), count, N.data(), pivot) < 6) { return false; }
   bool regular = true;
-  Eigen::Matrix<Scalar, 6, 6> N_inv;
+  std::array<RootRow<Scalar>, 6> N_inv, S_row;
+  for (int i = 0; i < 6; ++i) {
+    for (int d = 0; d < 8; ++d) { S_row[static_cast<std::size_t>(i)](d) = d < 6 ? S(i, d) : Scalar(0); }
+  }
   for (int k = 5; k >= 0; --k) {
     const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
     const int row = pivot[static_cast<std::size_t>(k)];
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
     regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
-    const Scalar inverse = Scalar(1) / n(row);
-    for (int c = 0; c < 6; ++c) {
-      Scalar sum = c == k ? Scalar(1) : Scalar(0);
-      for (int l = k + 1; l < 6; ++l) {
-        const int column = pivot[static_cast<std::size_t>(l)];
-        sum -= n(column) * N_inv(column, c);
-      }
-      N_inv(row, c) = sum * inverse;
+    RootRow<Scalar> sum;
+    for (int l = 0; l < 8; ++l) { sum(l) = Scalar(l == k ? 1 : 0); }
+    for (int l = k + 1; l < 6; ++l) {
+      const int column = pivot[static_cast<std::size_t>(l)];
+      sum -= N_inv[static_cast<std::size_t>(column)] * n(column);
     }
+    N_inv[static_cast<std::size_t>(row)] = sum * (Scalar(1) / n(row));
     rows[static_cast<std::size_t>(k)] = n;
-    for (int d = 0; d < 6; ++d) {
-      const int first = d < 3 ? 0 : 3;
-      T[static_cast<std::size_t>(k)](d) = n(first) * S(first, d) + n(first + 1) * S(first + 1, d) + n(first + 2) * S(first + 2, d);
-    }
+    RootRow<Scalar> t = S_row[0] * n(0);
+    for (int i = 1; i < 6; ++i) { t += S_row[static_cast<std::size_t>(i)] * n(i); }
+    for (int d = 0; d < 6; ++d) { T[static_cast<std::size_t>(k)](d) = t(d); }
   }
   for (int d = 0; d < 6; ++d) {
-    const int first = d < 3 ? 0 : 3;
-    for (int c = 0; c < 6; ++c) {
-      C(d, c) = S(first, d) * N_inv(first, c) + S(first + 1, d) * N_inv(first + 1, c) + S(first + 2, d) * N_inv(first + 2, c);
-    }
+    const std::size_t first = d < 3 ? 0 : 3;
+    RootRow<Scalar> c = N_inv[first] * S(static_cast<int>(first), d);
+    c += N_inv[first + 1] * S(static_cast<int>(first) + 1, d);
+    c += N_inv[first + 2] * S(static_cast<int>(first) + 2, d);
+    for (int k = 0; k < 6; ++k) { C(d, k) = c(k); }
   }
   return regular;
 }
