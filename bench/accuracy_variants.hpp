@@ -158,16 +158,16 @@ std::vector<Variant<Scalar>> accuracy_variants(const std::shared_ptr<const Accur
     on_workspace.template operator()<Method, Update::projected>(name + ", projected");
     on_workspace.template operator()<Method, Update::square_root>(name + ", square root");
   };
-  const auto in_frames = [&]<Frames frames, Update update>(const std::string& name) {
-    add.template operator()<InFrames<Scalar, frames, update>>(name);
+  const auto in_frames = [&]<Frames frames>(const std::string& name) {
+    add.template operator()<InFrames<Scalar, frames, Update::printed>>(name + ", printed");
+    add.template operator()<InFrames<Scalar, frames, Update::projected>>(name + ", projected");
+    add.template operator()<InFrames<Scalar, frames, Update::square_root>>(name + ", square root");
   };
   every_update.template operator()<iim::ImplicitInversion<TreeType>>("implicit inversion");
   every_update.template operator()<iim::UnitForce<TreeType>>("unit forces");
   every_update.template operator()<iim::RecursiveInverse<TreeType>>("recursive inverse");
-  in_frames.template operator()<Frames::body_fixed, Update::printed>("body-fixed frames, printed");
-  in_frames.template operator()<Frames::body_fixed, Update::projected>("body-fixed frames, projected");
-  in_frames.template operator()<Frames::common_origin, Update::printed>("common origin, printed");
-  in_frames.template operator()<Frames::common_origin, Update::projected>("common origin, projected");
+  in_frames.template operator()<Frames::body_fixed>("body-fixed frames");
+  in_frames.template operator()<Frames::common_origin>("common origin");
   on_workspace.template operator()<iim::GlobalInverse<TreeType, iim::Factorization::branch_sparse>, Update::projected>(
       "branch-sparse Cholesky");
   on_workspace.template operator()<iim::GlobalInverse<TreeType, iim::Factorization::dense>, Update::projected>(

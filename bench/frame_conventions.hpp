@@ -9,22 +9,24 @@
 // v_i = X v_p + S q̇,   a_i = X a_p + v_i × S q̇ + S q̈,   with a the true spatial acceleration: no Ẋ anywhere.
 #pragma once
 
+#include "frame_conventions_root.hpp"
+#include "frame_conventions_shift.hpp"
 #include "pool.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include <algorithm>
+#include <cmath>
 #include <type_traits>
 #include <vector>
 
 namespace bench {
 
-enum class Frames { body_fixed, own_origin, common_origin };
-
 /// Trees of revolute and prismatic links and motor-arms and floating bases (on the world); rotors without own mass.
 template <class Scalar, Frames frames, iim::Update update>
 class FrameConvention {
-  static_assert(update != iim::Update::square_root);
+  static constexpr bool by_roots = update == iim::Update::square_root;
 
 public:
   using TreeType = Tree<Scalar>;
@@ -65,7 +67,7 @@ public:
     status_ = iim::Status::ok;
     for (Link& link : links_) { link.n_i == 6 ? outward<6>(link, q, qd) : outward<1>(link, q, qd); }
     for (auto link = links_.rbegin(); link != links_.rend(); ++link) {
-      link->n_i == 6 ? inward<6>(*link, qd) : inward<1>(*link, qd);
+      link->n_i == 6 ? inward<6>(*link) : inward<1>(*link);
     }
     for (Link& link : links_) { link.n_i == 6 ? accelerate<6>(link) : accelerate<1>(link); }
     const bool finite = iim::detail::all_finite(qdd0_) && iim::detail::all_finite(Bhat_);
@@ -83,16 +85,20 @@ private:
     Scalar mass{0};
     Vector3 com = Vector3::Zero();
     Matrix3 inertia = Matrix3::Zero();
+    Matrix3 principal_axes = Matrix3::Identity();
+    Vector3 principal_moments = Vector3::Zero();
     Scalar ratio{1}, J{0};
     Vector3 rotor = Vector3::Zero();  ///< axis of a coupled rotor in inlet axes
     Index first, own_end, end;        ///< columns on the link, and on its subtree
 
-    Matrix3 R, E;  ///< link to world; link to parent (body-fixed)
-    Vector3 o, r;  ///< origin in the world; from the parent's origin, in parent axes
+    Matrix3 R;  ///< link to world
+    Vector3 o;  ///< origin in the world
+    Shift<Scalar, frames> X;
     Matrix6 S, U, W_T, D_inv;
     Vector3 a, moment;  ///< rotor axis, and moment of its turning spin
     Vector6 v, c, p, acc;
     Matrix6 A;
+    RootRows<Scalar> root;  ///< in place of A and most of p
     Vector6 psi;
     Eigen::Matrix<Scalar, 6, Eigen::Dynamic> P, acceleration;
     Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> tau;
@@ -128,6 +134,10 @@ private:
       link.mass = s.body.mass;
       link.com = s.body.com;
       link.inertia = s.body.inertia;
+      const Eigen::SelfAdjointEigenSolver<Matrix3> principal(link.inertia);
+      link.principal_axes = principal.eigenvectors();
+      if (link.principal_axes.determinant() < Scalar(0)) { link.principal_axes.col(0) *= Scalar(-1); }
+      link.principal_moments = principal.eigenvalues();
     }
     if constexpr (requires { s.motor; }) {
       if (s.motor.mass > Scalar(0)) { throw std::invalid_argument("no rotors with mass in other frames"); }
@@ -138,8 +148,6 @@ private:
     links_.push_back(link);
   }
 
-  // --- X between a link and its parent -----------------------------------------------------------------------------
-
   static Vector3 cross(const Vector3& a, const Vector3& b) { return iim::detail::cross(a, b); }
 
   static Vector6 motion(const Vector3& linear, const Vector3& angular)
@@ -147,48 +155,6 @@ private:
     Vector6 m;
     m << linear, angular;
     return m;
-  }
-
-  /// X m: the parent's motion vector seen from the link.
-  static Vector6 from_parent(const Link& link, const Vector6& m)
-  {
-    if constexpr (frames == Frames::common_origin) { return m; }
-    const Vector3 w = m.template tail<3>();
-    const Vector3 v = m.template head<3>() + cross(w, link.r);
-    if constexpr (frames == Frames::own_origin) { return motion(v, w); }
-    return motion(link.E.transpose() * v, link.E.transpose() * w);
-  }
-
-  /// Xᵀ f: the link's force vector seen from the parent.
-  static Vector6 to_parent(const Link& link, const Vector6& f)
-  {
-    if constexpr (frames == Frames::common_origin) { return f; }
-    Vector3 force = f.template head<3>();
-    Vector3 moment = f.template tail<3>();
-    if constexpr (frames == Frames::body_fixed) {
-      force = link.E * force;
-      moment = link.E * moment;
-    }
-    return motion(force, moment + cross(link.r, force));
-  }
-
-  /// Xᵀ A X, by blocks [ M H ; Hᵀ J ].
-  static Matrix6 to_parent(const Link& link, const Matrix6& A)
-  {
-    if constexpr (frames == Frames::common_origin) { return A; }
-    Matrix3 M = A.template topLeftCorner<3, 3>();
-    Matrix3 H = A.template topRightCorner<3, 3>();
-    Matrix3 J = A.template bottomRightCorner<3, 3>();
-    if constexpr (frames == Frames::body_fixed) {
-      M = Matrix3(link.E * M) * link.E.transpose();
-      H = Matrix3(link.E * H) * link.E.transpose();
-      J = Matrix3(link.E * J) * link.E.transpose();
-    }
-    const Matrix3 r = iim::skew(link.r);
-    const Matrix3 S = H - M * r;
-    Matrix6 B;
-    B << M, S, S.transpose(), J + r * S - H.transpose() * r;
-    return B;
   }
 
   static Vector6 cross_motion(const Vector6& v, const Vector6& m)
@@ -222,17 +188,17 @@ private:
     } else {
       slide = link.axis * q(link.q);
     }
-    link.E = link.R0 * turn;
-    link.r = link.p0 + link.R0 * slide;
+    link.X.E = link.R0 * turn;
+    link.X.r = link.p0 + link.R0 * slide;
     if (root) {
-      link.R = link.E;
-      link.o = link.r;
+      link.R = link.X.E;
+      link.o = link.X.r;
     } else {
       const Link& parent = links_[at(link.parent)];
-      link.R = parent.R * link.E;
-      const Vector3 apart = parent.R * link.r;
+      link.R = parent.R * link.X.E;
+      const Vector3 apart = parent.R * link.X.r;
       link.o = parent.o + apart;
-      if constexpr (frames == Frames::own_origin) { link.r = apart; }
+      if constexpr (frames == Frames::own_origin) { link.X.r = apart; }
     }
     // Axes of the frame in which everything is written, and the frame's origin seen from the link's.
     Matrix3 axes = link.R;
@@ -253,7 +219,7 @@ private:
     link.moment.setZero();
     link.a.setZero();
     Vector6 guided = Vector6::Zero();
-    if (!root) { guided = from_parent(link, links_[at(link.parent)].v); }
+    if (!root) { guided = link.X.from_parent(links_[at(link.parent)].v); }
     link.v += guided;
     link.c = cross_motion(link.v, own);
     if (link.J > Scalar(0)) {
@@ -263,12 +229,17 @@ private:
       link.moment = cross(w, link.a) * (link.J * (link.a.dot(w) + link.ratio * qd(link.first_v)));
     }
     const Vector3 s = axes * link.com - origin;
-    const Matrix3 sx = iim::skew(s);
-    link.A.template topLeftCorner<3, 3>() = link.mass * Matrix3::Identity();
-    link.A.template topRightCorner<3, 3>() = -link.mass * sx;
-    link.A.template bottomLeftCorner<3, 3>() = link.mass * sx;
-    link.A.template bottomRightCorner<3, 3>() = Matrix3(axes * link.inertia) * axes.transpose() - link.mass * (sx * sx);
-    link.p = cross_force(link.v, Vector6(link.A * link.v));
+    if constexpr (by_roots) {
+      link.root = body_rows<Scalar>(link.mass, s, axes * link.principal_axes, link.principal_moments, link.v);
+      link.p.setZero();
+    } else {
+      const Matrix3 sx = iim::skew(s);
+      link.A.template topLeftCorner<3, 3>() = link.mass * Matrix3::Identity();
+      link.A.template topRightCorner<3, 3>() = -link.mass * sx;
+      link.A.template bottomLeftCorner<3, 3>() = link.mass * sx;
+      link.A.template bottomRightCorner<3, 3>() = Matrix3(axes * link.inertia) * axes.transpose() - link.mass * (sx * sx);
+      link.p = cross_force(link.v, Vector6(link.A * link.v));
+    }
     for (Index j = link.first; j < link.end; ++j) { link.P.col(j).setZero(); }
     for (Index j = link.first; j < link.own_end; ++j) {
       const Column& column = columns_[at(j)];
@@ -279,8 +250,39 @@ private:
     }
   }
 
-  template <int n, class V>
-  void inward(Link& link, const V&)
+  template <int n>
+  void inward(Link& link)
+  {
+    const auto S = link.S.template leftCols<n>();
+    const auto W_T = link.W_T.template leftCols<n>();
+    if constexpr (by_roots) {
+      eliminate_rows<n>(link);
+    } else {
+      eliminate<n>(link);
+    }
+    for (Index j = link.first; j < link.end; ++j) {
+      auto tau = link.tau.col(j).template head<n>();
+      tau.noalias() = S.transpose() * link.P.col(j);
+      if (j < link.own_end && columns_[at(j)].motor) { tau(0) += link.ratio; }
+    }
+    if (link.parent < 0) { return; }
+    Link& parent = links_[at(link.parent)];
+    if constexpr (by_roots) {
+      parent.root = compressed<Scalar>(parent.root, link.X.to_parent(link.root));
+    } else {
+      parent.A += link.X.to_parent(link.A);
+    }
+    link.p.template tail<3>() += link.moment;
+    parent.p += link.X.to_parent(link.p);
+    for (Index j = link.first; j < link.end; ++j) {
+      const Vector6 wrench = link.P.col(j) - W_T * link.tau.col(j).template head<n>();
+      parent.P.col(j) += link.X.to_parent(wrench);
+    }
+  }
+
+  /// W, D⁻¹, psi; then A and p as they are with the joint free to give way.
+  template <int n>
+  void eliminate(Link& link)
   {
     const auto S = link.S.template leftCols<n>();
     auto U = link.U.template leftCols<n>();
@@ -305,33 +307,55 @@ private:
       W_T.noalias() = U * D_inv;
     }
     link.psi.template head<n>() = D_inv * h;
-    for (Index j = link.first; j < link.end; ++j) {
-      auto tau = link.tau.col(j).template head<n>();
-      tau.noalias() = S.transpose() * link.P.col(j);
-      if (j < link.own_end && columns_[at(j)].motor) { tau(0) += link.ratio; }
-    }
-    if (link.parent < 0) { return; }
-    Matrix6 reduced;
+    link.p = f - W_T * h;
     if constexpr (update == iim::Update::projected) {
       const Matrix6 T = link.A - (link.A * S).eval() * W_T.transpose();
-      reduced = T - W_T * (S.transpose() * T).eval();
+      link.A = T - W_T * (S.transpose() * T).eval();
       if (link.J > Scalar(0)) {
         const Vector6 w = motion(Vector3::Zero(), link.a) - link.ratio * W_T.col(0);
-        reduced += (link.J * w) * w.transpose();
+        link.A += (link.J * w) * w.transpose();
       }
     } else {
-      reduced = link.A - U * W_T.transpose();
-      if (link.J > Scalar(0)) { reduced.template bottomRightCorner<3, 3>() += (link.J * link.a) * link.a.transpose(); }
+      link.A -= U * W_T.transpose();
+      if (link.J > Scalar(0)) { link.A.template bottomRightCorner<3, 3>() += (link.J * link.a) * link.a.transpose(); }
     }
-    Vector6 p = f - W_T * h;
-    p.template tail<3>() += link.moment;
-    Link& parent = links_[at(link.parent)];
-    parent.A += to_parent(link, reduced);
-    parent.p += to_parent(link, p);
-    for (Index j = link.first; j < link.end; ++j) {
-      const Vector6 wrench = link.P.col(j) - W_T * link.tau.col(j).template head<n>();
-      parent.P.col(j) += to_parent(link, wrench);
+  }
+
+  /// The same in square-root form; p has the moments of turning rotors only, all else is in z.
+  template <int n>
+  void eliminate_rows(Link& link)
+  {
+    const auto S = link.S.template leftCols<n>();
+    auto W_T = link.W_T.template leftCols<n>();
+    auto D_inv = link.D_inv.template topLeftCorner<n, n>();
+    auto psi = link.psi.template head<n>();
+    const Matrix6 N = link.root.template leftCols<6>();
+    const Vector6 z = link.root.col(6) - N * link.c;
+    const Eigen::Matrix<Scalar, n, 1> h = S.transpose() * link.p;
+    if constexpr (n == 1) {
+      Eigen::Matrix<Scalar, 7, 8> rows = Eigen::Matrix<Scalar, 7, 8>::Zero();
+      rows.template topRows<6>() << N * S, N, z;
+      if (link.J > Scalar(0)) {
+        const Scalar root = std::sqrt(link.J);
+        rows(6, 0) = root * link.ratio;
+        rows.template block<1, 3>(6, 4) = root * link.a.transpose();
+      }
+      reflect(rows);
+      const Scalar v = rows(0, 0);
+      if (!iim::ScalarTraits<Scalar>::is_positive(v * v)) { status_ = iim::Status::not_positive_definite; }
+      D_inv(0, 0) = Scalar(1) / (v * v);
+      W_T = rows.template block<1, 6>(0, 1).transpose() / v;
+      psi(0) = D_inv(0, 0) * h(0) - rows(0, 7) / v;
+      link.root = rows.template bottomRightCorner<6, 7>();
+    } else {
+      const Eigen::ColPivHouseholderQR<Matrix6> qr(N * S);
+      if (!(qr.absDeterminant() > Scalar(0))) { status_ = iim::Status::not_positive_definite; }
+      const Matrix6 inverse = qr.solve(Matrix6::Identity());
+      D_inv = inverse * inverse.transpose();
+      W_T = (inverse * N).transpose();
+      psi = D_inv * h - inverse * z;
     }
+    link.p -= W_T * h;
   }
 
   template <int n>
@@ -342,9 +366,9 @@ private:
     const bool root = link.parent < 0;
     Vector6 y = motion(-gravity_, Vector3::Zero());
     if (!root) {
-      y = from_parent(link, links_[at(link.parent)].acc);
+      y = link.X.from_parent(links_[at(link.parent)].acc);
     } else if constexpr (frames == Frames::body_fixed) {
-      y.template head<3>() = link.E.transpose() * Vector3(-gravity_);
+      y.template head<3>() = link.X.E.transpose() * Vector3(-gravity_);
     }
     const Eigen::Matrix<Scalar, n, 1> qdd = -link.psi.template head<n>() - W_T.transpose() * y;
     qdd0_.template segment<n>(link.first_v) = qdd;
@@ -356,7 +380,7 @@ private:
       if (root) {
         link.acceleration.col(j).noalias() = S * x;
       } else {
-        const Vector6 guided = from_parent(link, links_[at(link.parent)].acceleration.col(j));
+        const Vector6 guided = link.X.from_parent(links_[at(link.parent)].acceleration.col(j));
         x.noalias() -= W_T.transpose() * guided;
         link.acceleration.col(j) = guided + S * x;
       }

@@ -77,4 +77,7 @@ TEST_CASE("articulated bodies in other frames")
   agrees<Frames::own_origin, iim::Update::projected>("own origin, projected");
   agrees<Frames::common_origin, iim::Update::printed>("common origin, printed");
   agrees<Frames::common_origin, iim::Update::projected>("common origin, projected");
+  agrees<Frames::body_fixed, iim::Update::square_root>("body-fixed, square root");
+  agrees<Frames::own_origin, iim::Update::square_root>("own origin, square root");
+  agrees<Frames::common_origin, iim::Update::square_root>("common origin, square root");
 }
