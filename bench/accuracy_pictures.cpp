@@ -22,22 +22,39 @@ const std::vector<std::pair<std::string, Look>> looks{{"implicit inversion, prin
                                                       {"recursive inverse, projected", {"#CC79A7", 8, 2, 1.5}},
                                                       {"body-fixed frames, printed", {"#8C564B", 4, 4, 1.5}},
                                                       {"body-fixed frames, projected", {"#8C564B", 12, 1, 1.5}},
+                                                      {"body-fixed frames, square root", {"#8C564B", 2, 3, 1.5}},
                                                       {"common origin, printed", {"#7F7F7F", 10, 4, 1.5}},
                                                       {"common origin, projected", {"#7F7F7F", 11, 1, 1.5}},
+                                                      {"common origin, square root", {"#7F7F7F", 1, 3, 1.5}},
                                                       {"branch-sparse Cholesky", {"#D55E00", 13, 1, 2}}};
 
 /// In the picture of error against time.
-const std::vector<std::pair<std::string, const char*>> colours{
-    {"implicit inversion, printed", "#E69F00"},  {"implicit inversion, projected", "#0072B2"},
-    {"implicit inversion, square root", "#009E73"}, {"unit forces, printed", "#F5C76A"},
-    {"unit forces, projected", "#56B4E9"},       {"unit forces, square root", "#7FD1B9"},
-    {"recursive inverse, printed", "#F0E442"},   {"recursive inverse, projected", "#CC79A7"},
-    {"recursive inverse, square root", "#9467BD"}, {"body-fixed frames, printed", "#C49C94"},
-    {"body-fixed frames, projected", "#8C564B"}, {"common origin, printed", "#C7C7C7"},
-    {"common origin, projected", "#7F7F7F"},     {"branch-sparse Cholesky", "#D55E00"},
-    {"dense Cholesky", "#000000"}};
+const std::vector<std::pair<std::string, const char*>> colours{{"implicit inversion, printed", "#E69F00"},
+                                                               {"implicit inversion, projected", "#0072B2"},
+                                                               {"implicit inversion, square root", "#009E73"},
+                                                               {"unit forces, printed", "#F5C76A"},
+                                                               {"unit forces, projected", "#56B4E9"},
+                                                               {"unit forces, square root", "#7FD1B9"},
+                                                               {"recursive inverse, printed", "#F0E442"},
+                                                               {"recursive inverse, projected", "#CC79A7"},
+                                                               {"recursive inverse, square root", "#9467BD"},
+                                                               {"body-fixed frames, printed", "#C49C94"},
+                                                               {"body-fixed frames, projected", "#8C564B"},
+                                                               {"body-fixed frames, square root", "#5C2E23"},
+                                                               {"common origin, printed", "#C7C7C7"},
+                                                               {"common origin, projected", "#7F7F7F"},
+                                                               {"common origin, square root", "#4D4D4D"},
+                                                               {"branch-sparse Cholesky", "#D55E00"},
+                                                               {"dense Cholesky", "#000000"}};
 
 const std::map<std::string, int> points{{"float", 9}, {"double", 7}, {"long double", 5}};
+
+std::string text_of(double x)
+{
+  std::ostringstream out;
+  out << x;
+  return out.str();
+}
 
 std::string file_name(std::string text)
 {
@@ -68,7 +85,8 @@ bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folde
   bool drawn = true;
   for (const Figure& figure : figures) {
     std::string text = gnuplot_text(figure);
-    const std::string powers = std::string("set format y '10^{%T}'\n") +
+    const std::string lowest = text_of(extent(figure, &Point::y).first / 2);
+    const std::string powers = "set format y '10^{%T}'\nset yrange [" + lowest + ":*]\n" +
                                (figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "");
     text.insert(text.rfind("\nplot ") + 1, powers);
     write(folder, figure.file, text);
@@ -103,6 +121,21 @@ Figure error_over(const std::vector<AccuracyResult>& results, const std::string&
   return figure;
 }
 
+std::vector<const Outcome*> accuracy_front(const std::vector<Outcome>& outcomes)
+{
+  const auto stands = [](const Outcome& o) { return o.time > 0 && o.refused == 0 && o.Bhat_error > 0; };
+  std::vector<const Outcome*> front;
+  for (const Outcome& o : outcomes) {
+    const bool beaten = std::any_of(outcomes.begin(), outcomes.end(), [&](const Outcome& other) {
+      return stands(other) && other.time <= o.time && other.Bhat_error <= o.Bhat_error &&
+             (other.time < o.time || other.Bhat_error < o.Bhat_error);
+    });
+    if (stands(o) && !beaten) { front.push_back(&o); }
+  }
+  std::sort(front.begin(), front.end(), [](const Outcome* a, const Outcome* b) { return a->time < b->time; });
+  return front;
+}
+
 std::string draw_error_against_time(const AccuracyResult& result, const std::string& folder, bool& drawn)
 {
   const std::string name = file_name("accuracy_time_" + result.scene.name);
@@ -128,12 +161,8 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
   for (const auto& [variant, colour] : colours) {
     key << ", \\\n  keyentry with points linecolor rgb '" << colour << "' pointtype 7 pointsize 1.4 title \"" << variant << '"';
   }
-  // The front: nothing is both faster and more accurate.
   std::vector<Point> front;
-  for (const Point& p : all) {
-    if (std::none_of(all.begin(), all.end(), [&](const Point& q) { return q.x < p.x && q.y < p.y; })) { front.push_back(p); }
-  }
-  std::sort(front.begin(), front.end(), [](const Point& a, const Point& b) { return a.x < b.x; });
+  for (const Outcome* o : accuracy_front(result.outcomes)) { front.push_back({o->time, o->Bhat_error}); }
   std::ostringstream out;
   out.precision(6);
   out << "set terminal svg size 1100,640 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
@@ -145,7 +174,7 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
       << "set logscale xy\nset format y '10^{%T}'\n$front << END\n";
   for (const Point& p : front) { out << p.x << ' ' << p.y << '\n'; }
   out << "END\n"
-      << data.str() << "plot $front using 1:2 with lines linecolor rgb '#999999' linewidth 5 title \"front\"" << key.str() << plot.str()
+      << data.str() << "plot $front using 1:2 with steps linecolor rgb '#999999' linewidth 4 title \"front\"" << key.str() << plot.str()
       << '\n';
   write(folder, name, out.str());
   drawn = drawn && run_gnuplot(folder, name);

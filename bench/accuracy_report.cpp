@@ -59,6 +59,23 @@ std::string in_epsilon(const Bound::Worst& w, int states)
   return text;
 }
 
+/// Where the default stands among all variants in double.
+std::string default_against_double(const std::vector<Outcome>& outcomes)
+{
+  const auto is_default = [](const Outcome& o) { return o.variant == "implicit inversion, projected" && o.scalar == "double"; };
+  const Outcome& own = *std::find_if(outcomes.begin(), outcomes.end(), is_default);
+  const Outcome* fastest = &own;
+  const Outcome* most_accurate = &own;
+  for (const Outcome& o : outcomes) {
+    if (o.scalar != "double" || o.refused > 0) { continue; }
+    if (o.time < fastest->time) { fastest = &o; }
+    if (o.Bhat_error < most_accurate->Bhat_error) { most_accurate = &o; }
+  }
+  return "implicit inversion, projected, double: " + three_digits(own.time / fastest->time) + " times as long as the fastest in double (" +
+         fastest->variant + "), " + three_digits(own.Bhat_error / most_accurate->Bhat_error) + " times the error of the most accurate (" +
+         most_accurate->variant + ", which takes " + three_digits(most_accurate->time / own.time) + " times as long)";
+}
+
 /// Results that a caller would take for right.
 void write_silent(const std::vector<AccuracyResult>& results, Report& report)
 {
@@ -130,6 +147,13 @@ void write_time_table(const AccuracyResult& result, Report& report)
                    magnitude(result.reference.worst(&Yardstick::Bhat_sensitivity)) + " and q̈₀ by up to " +
                    magnitude(result.reference.worst(&Yardstick::qdd0_sensitivity)) + ".");
   const Outcome* printed = find(result, "implicit inversion, printed", "double");
+  std::string front;
+  for (const Outcome* o : accuracy_front(result.outcomes)) {
+    front += (front.empty() ? "" : "; ") + o->variant + ", " + o->scalar + " (" + three_digits(o->time) + " µs, " +
+             magnitude(o->Bhat_error) + ")";
+  }
+  report.paragraph("On the front, nothing being faster and more accurate at once: " + front + ". The library's default is " +
+                   default_against_double(result.outcomes) + ".");
   Table table({"variant", "scalar", "time [µs]", "× printed, double", "error of B̂", "componentwise", "residual [ε]",
                "error of q̈₀"});
   for (const Outcome& o : result.outcomes) {

@@ -41,6 +41,9 @@ void write_details(const std::vector<AccuracyResult>& results, const std::string
 Figure error_over(const std::vector<AccuracyResult>& results, const std::string& group, const std::string& title,
                   const std::string& x, const std::string& scalar);
 
+/// Those that no other beats in time and error of B̂ at once, fastest first.
+std::vector<const Outcome*> accuracy_front(const std::vector<Outcome>& outcomes);
+
 /// Error against run time, a point per variant and scalar, with the front. Writes NAME.gp and, with gnuplot, NAME.svg.
 /// Returns NAME; `drawn` becomes false if there is no gnuplot.
 std::string draw_error_against_time(const AccuracyResult& result, const std::string& folder, bool& drawn);

@@ -103,6 +103,7 @@ void write_costs(bool quick, Report& report)
     ratios.add({std::string(name) + ": square root / printed", with_quartiles(ratio(samples[count + 2], printed)), "2.5", "1.7"});
     ratios.add({std::string(name) + ": square root in float / Cholesky in double", with_quartiles(ratio(in_float, cholesky)),
                 "0.6", "0.35"});
+    ratios.add({std::string(name) + ": printed in float / Cholesky in double", with_quartiles(ratio(samples[0], cholesky)), "–", "–"});
   }
   report.table(times);
   report.table(ratios);
