@@ -26,13 +26,22 @@ namespace detail {
 
 /// The number of active columns from which on the product costs less than the sweep; max_columns + 1 if it never does.
 ///
-/// Costs are loop steps of one vector register each, weighted as measured on chains of 5 to 500 links and trees of 63 and
-/// 255. Columns are taken to be spread over the inputs of the tree evenly.
+/// Costs are loop steps of one vector register each: weighted as measured on chains of 5 to 500 links and trees of 15 to 255
+/// where a register holds several rows or columns, otherwise as counted. Columns are taken to be spread over the inputs of
+/// the tree evenly.
 template <class Tree>
 Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
 {
   using Scalar = typename Tree::Scalar;
   constexpr double lanes = lane_count<Scalar>;
+  struct Cost {
+    double fixed, per_velocity;
+  };
+  constexpr bool several = lane_count<Scalar> > 1;
+  constexpr Cost node_cost = several ? Cost{36, 12} : Cost{0, 12};
+  constexpr Cost column_cost = several ? Cost{6, 10} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{20, 26} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{48, 26} : Cost{28, 15};
   double factors = 0;  // L and H
   double everywhere = 0;                // outward loop of the sweep
   double longest = 0;                   // its inward loop, along the longest path of an input
@@ -41,10 +50,12 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
   std::vector<int> moving(static_cast<std::size_t>(tree.size()), 0);
   tree.outward([&]<class N, class S>(const N& node, const S&) {
     moving[static_cast<std::size_t>(node.index)] = S::n_i;
-    factors += std::ceil(static_cast<double>(node.path_v) / lanes) * (10.0 + 13.0 * S::n_i) + 12.0 * S::n_i * S::n_i;
-    everywhere += 12.0 + 15.0 * S::n_i;
+    factors += std::ceil(static_cast<double>(node.path_v) / lanes) * (column_cost.fixed + column_cost.per_velocity * S::n_i) +
+               node_cost.fixed + node_cost.per_velocity * S::n_i * S::n_i;
+    everywhere += outward_cost.fixed + outward_cost.per_velocity * S::n_i;
     path[static_cast<std::size_t>(node.index)] =
-        28.0 + 15.0 * S::n_i + (node.parent < 0 ? 0.0 : path[static_cast<std::size_t>(node.parent)]);
+        inward_cost.fixed + inward_cost.per_velocity * S::n_i +
+        (node.parent < 0 ? 0.0 : path[static_cast<std::size_t>(node.parent)]);
   });
   for (const Node& node : tree.nodes()) {
     const auto i = static_cast<std::size_t>(node.index);
