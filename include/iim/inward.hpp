@@ -65,6 +65,23 @@ template <Scene scene, class S, class N, class Workspace>
   add(h, h_body);
 }
 
+/// What the inertia on the frames has been reduced from, as the inlet sees it.
+template <class S, class N, class Workspace>
+[[gnu::always_inline]] inline void pass_size(const N& node, const Vector3<typename S::Scalar>& r, Workspace& ws)
+{
+  using std::max;
+  using Scalar = typename S::Scalar;
+  FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  for (int k = 0; k < S::n_frames; ++k) {
+    const FrameState<Scalar>& f = ws.frame(node.frame + k);
+    const Scalar mass = max(f.mass_size, f.A.M.trace());
+    const Scalar inertia = max(f.inertia_size, f.A.J.trace());
+    const Scalar distant = mass * (r(0) * r(0) + r(1) * r(1) + r(2) * r(2));
+    inlet.mass_size = max(inlet.mass_size, mass);
+    inlet.inertia_size = max(inlet.inertia_size, max(inertia, distant));
+  }
+}
+
 /// Matrix form.
 template <Scene scene, class S, class N, class Workspace>
 void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
@@ -93,7 +110,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     inertia_times<pattern>(f.A, state.S_k[at], U_k[at]);
     add_joint_inertia<pattern>(state.S_k[at], U_k[at], D);
-    add_scale<pattern>(f.A, state.S_k[at], scale);
+    add_scale<pattern>(f, state.S_k[at], scale);
     const Vector6<Scalar> p = bias_wrench<scene, S>(f);
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
     if (k == 0) {
@@ -200,6 +217,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
   add(inlet.h, shift_wrench(state.r, hg));
   inlet.A.add_shifted(A, state.r);
+  pass_size<S>(node, state.r, ws);
 }
 
 /// A subsystem without internal velocities hands on what it carries.
@@ -226,6 +244,7 @@ void rigid_inward(const N& node, Workspace& ws)
       add(inlet.h, shift_wrench(state.r, p));
     }
   }
+  if constexpr (Workspace::update != Update::square_root) { pass_size<S>(node, state.r, ws); }
 }
 
 template <Scene scene, class S, class N, class Workspace>

@@ -146,6 +146,8 @@ struct Symmetric3 {
     return turned;
   }
 
+  Scalar trace() const { return at[0] + at[3] + at[5]; }
+
   [[gnu::always_inline]] Vector3<Scalar> operator*(const Vector3<Scalar>& a) const
   {
     return {at[0] * a(0) + at[1] * a(1) + at[2] * a(2), at[1] * a(0) + at[3] * a(1) + at[4] * a(2),
