@@ -109,7 +109,7 @@ inline std::vector<Model> models(Index longest)
 {
   std::vector<Model> list;
   const auto add = [&list](const Case& scene) { list.push_back(describe(scene)); };
-  for (const Index n : {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000}) {
+  for (const Index n : {1, 2, 5, 10, 12, 20, 50, 100, 200, 500, 1000}) {
     if (n > longest) { continue; }
     add({"chain " + std::to_string(n), iim::models::chain<double>(n)});
     if (n > 1) { add({"chain " + std::to_string(n) + ", last motor", iim::models::chain<double>(n), Motors::last}); }

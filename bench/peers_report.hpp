@@ -67,6 +67,58 @@ inline bench::Table ratios(const std::vector<Row>& rows, const std::vector<std::
   return table;
 }
 
+/// Our path with this name, if it was measured.
+inline const Measured* own_path(const Row& row, const std::string& ending)
+{
+  for (const Measured& x : row.measured) {
+    if (x.library == "iim" && x.path.ends_with(ending)) { return &x; }
+  }
+  return nullptr;
+}
+
+/// One row per model with several states at once: our times per state, and the ratio of each library's best path.
+inline bench::Table several_at_once(const std::vector<Row>& rows, const std::vector<std::string>& libraries)
+{
+  std::vector<std::string> head{"model", "one by one [µs]", "at once [µs]", "one by one / at once"};
+  for (const std::string& library : libraries) { head.push_back(library + " / at once"); }
+  bench::Table table(head);
+  for (const Row& row : rows) {
+    const Measured* several = own_path(row, "at once");
+    if (several == nullptr) { continue; }
+    const double unit = several->seconds.median;
+    std::vector<std::string> cells{row.model, microseconds(row.ours()), microseconds(unit),
+                                   bench::three_digits(row.ours() / unit)};
+    for (const std::string& library : libraries) {
+      const Measured* best = row.best(library);
+      cells.push_back(best == nullptr ? "–" : bench::three_digits(best->seconds.median / unit));
+    }
+    table.add(cells);
+  }
+  return table;
+}
+
+/// Published times of straight-line code that was generated for one robot, M⁻¹ alone, carried over to this machine by
+/// what `measure`'s best path took there and takes here. Empty without `measure`.
+inline bench::Table generated_code(const std::vector<Row>& rows, const std::string& measure)
+{
+  struct Published {
+    const char* model;  // of ours, with as many joints
+    double code, library;  // [s]
+  };
+  bench::Table table({"model", "published [µs]", measure + " there [µs]", measure + " here [µs]", "code here [µs]",
+                      "iim, q̈₀ and M⁻¹ [µs]", "code / iim"});
+  for (const Published& x : {Published{"seven-axis arm", 0.43e-6, 2.4e-6}, Published{"chain 12", 0.86e-6, 5e-6}}) {
+    for (const Row& row : rows) {
+      const Measured* best = row.best(measure);
+      if (row.model != x.model || best == nullptr) { continue; }
+      const double code = x.code * best->seconds.median / x.library;
+      table.add({row.model, microseconds(x.code), microseconds(x.library), microseconds(best->seconds.median),
+                 microseconds(code), microseconds(row.ours()), bench::three_digits(code / row.ours())});
+    }
+  }
+  return table;
+}
+
 /// One row per model and path.
 inline bench::Table details(const std::vector<Row>& rows)
 {
@@ -106,11 +158,12 @@ inline bool draw(const std::vector<Row>& rows, const std::vector<std::string>& l
   const std::filesystem::path script = folder / "peers.gp";
   {
     std::ofstream out(script);
-    out << "set terminal svg size 1200,620 font 'sans,13' background 'white'\n"
+    out << "set terminal svg size 1500,640 font 'sans,13' background 'white'\n"
+        << "set title 'q̈₀ and B̂: time of other libraries in times of iim (logarithmic)'\n"
         << "set output '" << (folder / "peers.svg").string() << "'\n"
         << "set style data histograms\nset style histogram clustered gap 1.5\nset style fill solid 0.9 noborder\n"
-        << "set logscale y 2\nset yrange [0.5:*]\nset grid ytics\nset xtics rotate by -40 nomirror scale 0\n"
-        << "set ylabel 'time of the best path / time of iim'\nset key top left horizontal\n"
+        << "set logscale y 2\nset xrange [-0.8:*]\nset yrange [0.5:*]\nset grid ytics\nset xtics rotate by -40 nomirror scale 0 font 'sans,11'\n"
+        << "set ylabel 'time of the best path / time of iim'\nset key outside top center horizontal\n"
         << "$ratios << END\n\"model\"";
     for (const std::string& library : libraries) { out << " \"" << library << '"'; }
     out << '\n';
