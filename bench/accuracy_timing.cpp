@@ -55,7 +55,7 @@ void measure_times(AccuracyResult& result)
   for (auto more : {accuracy_passes<double>(result.scene), accuracy_passes<long double>(result.scene)}) {
     passes.insert(passes.end(), more.begin(), more.end());
   }
-  const auto samples = take_turns(passes, 31, 1);
+  const auto samples = take_turns(passes, 31, 0.2);
   for (std::size_t k = 0; k < passes.size(); ++k) {
     for (Outcome& o : result.outcomes) {
       if (o.variant == passes[k].variant && o.scalar == passes[k].scalar) { o.time = spread(samples[k]).median; }
