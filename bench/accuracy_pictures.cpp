@@ -165,11 +165,11 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
   for (const Outcome* o : accuracy_front(result.outcomes)) { front.push_back({o->time, o->Bhat_error}); }
   std::ostringstream out;
   out.precision(6);
-  out << "set terminal svg size 1100,640 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
+  out << "set terminal svg size 1100,760 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
       << "set encoding utf8\nset output '" << name << ".svg'\n"
       << "set title \"Error against run time: " << result.scene.name << "   (▲ float, ● double, ■ long double)\"\n"
       << "set xlabel \"time for q̈₀ and B̂ [µs]\"\nset ylabel \"relative error of B̂, worst state\"\n"
-      << "set key outside right center Left reverse samplen 1 spacing 1.25\nset border 3\nset tics nomirror\n"
+      << "set key outside right center Left reverse maxcols 1 samplen 1 spacing 1.25\nset border 3\nset tics nomirror\n"
       << "set grid xtics ytics mytics linecolor rgb '#cccccc', linecolor rgb '#eeeeee'\n"
       << "set logscale xy\nset format y '10^{%T}'\n$front << END\n";
   for (const Point& p : front) { out << p.x << ' ' << p.y << '\n'; }
