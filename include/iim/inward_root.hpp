@@ -29,8 +29,17 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool 
   if constexpr (along<S>() != Along::nothing) {
     if (!annihilated) { return; }
     const Vector6<Scalar>& own = state.S_k[0];
-    for (int k = S::pattern.angular ? 3 : 0; k < (S::pattern.angular ? 6 : 3); ++k) { shared.share += own(k) * inlet.S(k); }
-    for (int k = 0; k < 6; ++k) { shared.difference(k) -= shared.share * own(k); }
+    constexpr int part = S::pattern.angular ? 3 : 0;
+    const auto along_own = [&](const Vector6<Scalar>& x) {
+      return Scalar(x(part) * own(part) + x(part + 1) * own(part + 1) + x(part + 2) * own(part + 2));
+    };
+    // First a whole share, which subtracts without a rounding if the axes are close, then what is left of it.
+    const Scalar cosine = along_own(inlet.S), half(0.5);
+    const Scalar whole(cosine > half ? 1 : cosine < -half ? -1 : 0);
+    for (int k = 0; k < 6; ++k) { shared.difference(k) -= whole * own(k); }
+    const Scalar rest = along_own(shared.difference);
+    for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
+    shared.share = whole + rest;
   }
 }
 
