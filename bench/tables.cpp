@@ -2,6 +2,7 @@
 // REQUIRES: benchmark boost
 // The paper's study, Sect. 5: Figs. 3 and 4, Tables 1 to 3, for all methods of the library.
 #include "machine.hpp"
+#include "tables_cost.hpp"
 #include "tables_methods.hpp"
 #include "tables_report.hpp"
 #include "tables_study.hpp"
@@ -75,8 +76,9 @@ void run(const bench::Options& options)
   const bench::Effort effort = bench::effort(options.quick);
   const std::vector<bench::Method> methods = bench::methods();
   const bench::Records records = bench::measure(methods, effort, std::cerr, json);
+  const bench::CostOfGrowth cost = bench::cost_of_growth(options.quick);
   const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-  bench::write_report(records, methods, effort, {core, load, seconds}, folder, std::cout);
+  bench::write_report(records, methods, effort, cost, {core, load, seconds}, folder, std::cout);
   std::cout << "report: " << (folder / "report.md").string() << std::endl;
 }
 

@@ -1,6 +1,7 @@
 // What the records say: tables with the paper's statements beside them, figures, files.
 #pragma once
 
+#include "tables_cost.hpp"
 #include "tables_study.hpp"
 
 #include <filesystem>
@@ -18,6 +19,6 @@ struct Circumstances {
 
 /// Writes report.md, tables.csv and the figures into the folder; the tables also to the terminal.
 void write_report(const Records& records, const std::vector<Method>& methods, const Effort& effort,
-                  const Circumstances& circumstances, const std::filesystem::path& folder, std::ostream& terminal);
+                  const CostOfGrowth& cost, const Circumstances& circumstances, const std::filesystem::path& folder, std::ostream& terminal);
 
 }  // namespace bench
