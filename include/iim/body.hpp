@@ -49,7 +49,8 @@ struct Body {
   {
     Body body = *this;
     body.com = at.R * com + at.p;
-    body.inertia = at.R * inertia * at.R.transpose();
+    const Matrix3<Scalar> turned = at.R * inertia * at.R.transpose();
+    body.inertia = (turned + turned.transpose()) * Scalar(0.5);  // symmetric to the last bit
     return body;
   }
 
