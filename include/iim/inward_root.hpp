@@ -245,7 +245,8 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   }
   if constexpr (is_free<S>()) {
     state.W = state.S_k[0].transpose();
-    return;  // nothing passes on
+    if (node.inlet >= 0) { share_axis<S>(node, state, false, ws); }  // nothing else passes
+    return;
   } else {
     if (node.inlet < 0) { return; }
     for (int j = 0; j < 6; ++j) {
