@@ -269,10 +269,23 @@ private:
   template <class Matrix>
   static void load(const Matrix& m, Index first, int count, VectorX<Pack>& rows)
   {
-    for (Index i = 0; i < m.rows(); ++i) {
-      Pack row;
-      for (int l = 0; l < lanes; ++l) { row.set(l, m.coeff(i, first + std::min(l, count - 1))); }
-      rows(i) = row;
+    Index i = 0;
+    if constexpr (requires { m.data(); }) {
+      if (m.innerStride() == 1) {  // squares of numbers, turned (with clang 35 ns per state of the biped less)
+        for (; i + lanes <= m.rows(); i += lanes) {
+          std::array<Pack, static_cast<std::size_t>(lanes)> block;
+          for (int l = 0; l < lanes; ++l) {
+            const Scalar* column = m.data() + (first + std::min(l, count - 1)) * m.outerStride() + i;
+            std::copy(column, column + lanes, block[at(l)].data());
+          }
+          detail::transpose<Scalar, lanes>(block);
+          std::copy(block.begin(), block.end(), rows.data() + i);
+        }
+      }
+    }
+    for (; i < m.rows(); ++i) {
+      Scalar* row = rows(i).data();
+      for (int l = 0; l < lanes; ++l) { row[l] = m.coeff(i, first + std::min(l, count - 1)); }
     }
   }
 
