@@ -26,6 +26,7 @@
 #include <iostream>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -125,7 +126,7 @@ Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& work
                            [&library = *worker, j](std::size_t evaluations) { return library.seconds(j, evaluations); }});
       }
     } catch (const std::exception& failure) {
-      row.remarks.push_back(worker->name() + " on " + model.name + ": " + line(failure.what()));
+      row.remarks.push_back(worker->name() + ": " + line(failure.what()));
     }
   }
 
@@ -177,6 +178,19 @@ std::vector<Model> robots(const std::filesystem::path& folder, const std::filesy
     list.push_back(channel.model());
   }
   return list;
+}
+
+/// Every remark once, and the models that it is about.
+std::map<std::string, std::string> what_and_where(const std::vector<Row>& rows)
+{
+  std::map<std::string, std::string> models;
+  for (const Row& row : rows) {
+    for (const std::string& remark : row.remarks) {
+      std::string& list = models[remark];
+      list += (list.empty() ? "" : "; ") + row.model;
+    }
+  }
+  return models;
 }
 
 void write(const Options& options, const std::vector<Row>& rows, const std::vector<std::unique_ptr<Worker>>& workers,
@@ -234,14 +248,9 @@ void write(const Options& options, const std::vector<Row>& rows, const std::vect
          "(`bench/peers_controller.cpp`), by the compiler and flags above, on one core: "
       << compiled << ".\n";
 
-  bool remarks = false;
-  for (const Row& row : rows) { remarks = remarks || !row.remarks.empty(); }
-  if (remarks) {
-    out << "\n## What could not be compared\n\n";
-    for (const Row& row : rows) {
-      for (const std::string& remark : row.remarks) { out << "- " << remark << '\n'; }
-    }
-  }
+  const std::map<std::string, std::string> remarks = what_and_where(rows);
+  if (!remarks.empty()) { out << "\n## What could not be compared\n\n"; }
+  for (const auto& [what, where] : remarks) { out << "- " << what << " (" << where << ")\n"; }
   out << "\n## All paths\n\nΔ: largest relative difference from iim over the pool (Frobenius norm). κ(M): condition of "
          "the inertia matrix, by which an error of ε in its entries is magnified.\n\n";
   details(rows).markdown(out);

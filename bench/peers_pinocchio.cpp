@@ -4,6 +4,12 @@
 #include "peers.hpp"
 #include "peers_worker.hpp"
 
+// GCC 12 with AVX-512 warns of reads beyond six-vectors that its own headers load under a mask.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Warray-bounds"
+#pragma GCC diagnostic ignored "-Wstringop-overread"
+#endif
+
 // Its templates compiled here, with our flags, instead of those in the packaged library.
 #undef PINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION
 
@@ -16,6 +22,8 @@
 #include <pinocchio/multibody/model.hpp>
 
 #include <Eigen/Cholesky>
+
+#include <stdexcept>
 
 namespace peers {
 namespace {
@@ -166,6 +174,7 @@ int main(int argc, char** argv)
   using namespace peers;
   return serve({"Pinocchio", PINOCCHIO_VERSION,
     [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+      if (model.n_v > 600) { throw std::runtime_error("its Data takes four tensors of n³ numbers, 32 GB"); }
       return std::make_unique<PinocchioPeer>(model, states);
     }}, argc, argv);
 }

@@ -4,6 +4,7 @@
 #include "peers.hpp"
 #include "peers_wire.hpp"
 
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <stdexcept>
@@ -49,10 +50,19 @@ public:
   Process& operator=(const Process&) = delete;
   ~Process()
   {
+    if (child_ > 0) { end(); }
+  }
+
+  /// Waits for the end of the process that has hung up, and says what it was.
+  std::string end()
+  {
     close(out_);
     close(in_);
     int status = 0;
     waitpid(child_, &status, 0);
+    child_ = -1;
+    return WIFSIGNALED(status) ? std::string("signal ") + strsignal(WTERMSIG(status))
+                               : "exit status " + std::to_string(WEXITSTATUS(status));
   }
 
   Channel channel() const { return {in_, out_}; }
@@ -129,8 +139,9 @@ private:
     try {
       return f(process_->channel());
     } catch (const Disconnected&) {
+      const std::string how = process_->end();
       start();
-      throw std::runtime_error("the library ended its process");
+      throw std::runtime_error("the library ended its process (" + how + ")");
     }
   }
 
