@@ -10,6 +10,7 @@
 
 #include <iim_build_info.hpp>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -48,6 +49,39 @@ void write(const std::vector<bench::SeveralTimes>& all, double peak_double, doub
   report.table(table);
 }
 
+/// States per second with 1, 2, 4 … threads. Before the program keeps to one core.
+bench::Table measure_all_cores(int rounds)
+{
+  bench::Table table({"model", "Scalar", "threads", "10⁶ states/s", "of one thread"});
+  const int cores = bench::usable_cores();
+  for (const peers::Model& model : bench::several_models()) {
+    for (const bool in_double : {true, false}) {
+      double one = 0;
+      for (int threads = 1; threads <= cores && cores > 1; threads = threads < cores ? std::min(2 * threads, cores) : cores + 1) {
+        const bench::Spread s = in_double ? bench::measure_cores<double>(model, threads, rounds)
+                                          : bench::measure_cores<float>(model, threads, rounds);
+        const double rate = threads / s.median;
+        if (threads == 1) { one = rate; }
+        table.add({model.name, in_double ? "double" : "float", std::to_string(threads), three_digits(rate * 1e-6),
+                   three_digits(rate / one)});
+      }
+    }
+  }
+  return table;
+}
+
+void write_cores(const bench::Table& table, bench::Report& report)
+{
+  report.section("On several cores");
+  if (table.empty()) {
+    report.paragraph("Not measured: this run had one core, or was built without OpenMP.");
+    return;
+  }
+  report.paragraph("q̈₀ and B̂, results in lanes, 512 states on every thread; OpenMP, a SeveralStates per thread. Millions of states "
+                   "per second, and how often as many as with one thread.");
+  report.table(table);
+}
+
 }  // namespace
 
 int main(int argc, char** argv)
@@ -65,6 +99,7 @@ int main(int argc, char** argv)
       return 2;
     }
   }
+  const bench::Table on_cores = measure_all_cores(rounds);
   bench::pin_to_one_core();
   std::vector<bench::SeveralTimes> all;
   for (const peers::Model& model : bench::several_models()) {
@@ -78,6 +113,7 @@ int main(int argc, char** argv)
   }
   bench::Report report(std::cout, file);
   write(all, bench::peak<double>(), bench::peak<float>(), report);
+  write_cores(on_cores, report);
   for (const bench::SeveralTimes& t : all) {
     if (!(t.worst < 800)) {
       std::cerr << t.model << ", " << t.scalar << ": several states at once disagree with one by one\n";

@@ -44,6 +44,14 @@ std::pair<double, double> operations(const peers::Model& model);
 template <class Scalar>
 SeveralTimes measure_several(const peers::Model& model, int rounds);
 
+/// Seconds per state and core that `threads` threads, one per core, take for q̈₀ and B̂ of the same states each, results in
+/// lanes. A SeveralStates per thread, made by it. With one thread: what the others are compared with.
+template <class Scalar>
+Spread measure_cores(const peers::Model& model, int threads, int rounds);
+
+/// Cores that this program may use; 1 without an OpenMP.
+int usable_cores();
+
 /// Fused multiply-adds per second that the core reaches, times two, on vectors of `Scalar`.
 template <class Scalar>
 double peak();

@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -113,6 +114,45 @@ SeveralTimes measure_several(const peers::Model& model, int rounds)
   times.single_with_u = spread(samples[3]);
   times.several_with_u = spread(samples[4]);
   return times;
+}
+
+template <class Scalar>
+Spread measure_cores(const peers::Model& model, int threads, int rounds)
+{
+  using Tree = bench::Tree<Scalar>;
+  const iim::StandardAssembly<double> in_double = peers::assembly(model);
+  const iim::StandardAssembly<Scalar> assembly = in_double.template cast<Scalar>();
+  const peers::Tree double_tree(in_double);
+  const Tree tree(assembly);
+  const iim::Inputs<Tree> inputs = peers::choose_inputs(double_tree, model).on(tree);
+  constexpr Index count = 512;
+  constexpr int repeats = 16;  // so that starting the threads (some µs) does not count
+  const auto pool = random_states(tree, inputs.columns(), count, 4711);
+  iim::MatrixX<Scalar> q(tree.n_q(), count), qd(tree.n_v(), count);
+  for (Index k = 0; k < count; ++k) {
+    q.col(k) = pool[static_cast<std::size_t>(k)].q.template cast<Scalar>();
+    qd.col(k) = pool[static_cast<std::size_t>(k)].qd.template cast<Scalar>();
+  }
+  std::vector<std::unique_ptr<iim::SeveralStates<Tree>>> cores(static_cast<std::size_t>(threads));
+  const auto on_cores = [&](const auto& f) {
+#ifdef _OPENMP
+#pragma omp parallel for schedule(static, 1) num_threads(threads)
+#endif
+    for (int part = 0; part < threads; ++part) { f(cores[static_cast<std::size_t>(part)]); }
+  };
+  on_cores([&](auto& several) { several = std::make_unique<iim::SeveralStates<Tree>>(assembly, inputs); });
+  std::vector<double> samples;
+  for (int round = 0; round < rounds; ++round) {
+    const auto start = std::chrono::steady_clock::now();
+    on_cores([&](auto& several) {
+      for (int k = 0; k < repeats; ++k) {
+        several->for_each_pack(q, qd, [](const auto& pack) { keep(pack); });
+      }
+    });
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    samples.push_back(seconds.count() / (count * repeats));
+  }
+  return spread(samples);
 }
 
 }  // namespace bench

@@ -271,7 +271,7 @@ private:
   {
     Index i = 0;
     if constexpr (requires { m.data(); }) {
-      if (m.innerStride() == 1) {  // squares of numbers, turned (with clang 35 ns per state of the biped less)
+      if (m.innerStride() == 1) {  // squares of numbers, turned (2 % of the time of a biped, 3 % with clang)
         for (; i + lanes <= m.rows(); i += lanes) {
           std::array<Pack, static_cast<std::size_t>(lanes)> block;
           for (int l = 0; l < lanes; ++l) {
