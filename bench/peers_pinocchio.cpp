@@ -66,6 +66,11 @@ public:
         J_(pin::Data::Matrix6x::Zero(6, model.n_v)), JcT_(model.n_v, 3 * static_cast<Index>(model.contacts.size())),
         qdd0_(model.n_v), Bhat_(model.n_v, model.columns()), llt_(model.n_v)
   {
+    for (State& x : states_) {  // the quaternions of the pool are those that float holds; Pinocchio wants unit length
+      for (const Joint& joint : model.joints) {
+        if (joint.kind == JointKind::floating) { x.q.segment<4>(joint.q + 3).normalize(); }
+      }
+    }
   }
 
   std::vector<Path> paths() override
