@@ -294,10 +294,10 @@ int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
     const RootRow<Scalar> above = rows[0];
     const RootRow<Scalar> sum = weighted_sum(rows, active, x);
     const auto [alpha, factor] = reflector(&top, best);
-    // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
-    const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;
     result[k] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation; alpha in its column
     if (k + 1 == rank) { break; }
+    // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
+    const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;
     // The next column by what Pythagoras leaves of it, which is there before the rows are; by themselves if that is roundings.
     const RootRow<Scalar> left = (square - result[k] * result[k]) * (Scalar(1) - unit);
     const Scalar doubtful = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * most_left;
