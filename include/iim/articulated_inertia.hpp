@@ -16,6 +16,7 @@ template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void inertia_times(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, n>& S,
                                                  Eigen::Matrix<Scalar, 6, n>& U)
 {
+#pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
     const Vector3<Scalar> v(S(0, d), S(1, d), S(2, d));
     const Vector3<Scalar> w(S(3, d), S(4, d), S(5, d));
@@ -31,6 +32,7 @@ template <MotionPattern pattern, class Scalar, int n>
       f = A.force_of_linear(v);
       m = A.moment_of_linear(v);
     }
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       U(i, d) = f(i);
       U(i + 3, d) = m(i);
@@ -64,7 +66,9 @@ template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_joint_inertia(const Eigen::Matrix<Scalar, 6, n>& S,
                                                      const Eigen::Matrix<Scalar, 6, n>& U, Eigen::Matrix<Scalar, n, n>& D)
 {
+#pragma GCC unroll 8
   for (int e = 0; e < n; ++e) {
+#pragma GCC unroll 8
     for (int d = e; d < n; ++d) {
       D(d, e) += column_dot<pattern>(S, d, U(0, e), U(1, e), U(2, e), U(3, e), U(4, e), U(5, e));
       if (d != e) { D(e, d) = D(d, e); }
@@ -82,7 +86,9 @@ template <MotionPattern pattern, class Scalar, int n>
                                              Eigen::Matrix<Scalar, n, 1>& scale)
 {
   const Scalar reduced_mass = f.mass_size * Scalar(0.25), reduced_inertia = f.inertia_size * Scalar(0.25);
+#pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       if constexpr (pattern.linear) { scale(d) += S(i, d) * S(i, d) * (f.A.M(i, i) + reduced_mass); }
       if constexpr (pattern.angular) { scale(d) += S(i + 3, d) * S(i + 3, d) * (f.A.J(i, i) + reduced_inertia); }
@@ -102,12 +108,15 @@ template <MotionPattern pattern, class Scalar, int n>
 {
   // B in blocks [ M H ; G J ]; rows that neither Sᵀ B nor the upper half of the result needs are left to the compiler.
   Matrix3<Scalar> M, H, G, J;
+#pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       M(i, j) = A.M(i, j) - U(i, 0) * W(0, j);
       H(i, j) = A.H(i, j) - U(i, 0) * W(0, j + 3);
       G(i, j) = A.H(j, i) - U(i + 3, 0) * W(0, j);
       J(i, j) = A.J(i, j) - U(i + 3, 0) * W(0, j + 3);
+#pragma GCC unroll 8
       for (int d = 1; d < n; ++d) {
         M(i, j) -= U(i, d) * W(d, j);
         H(i, j) -= U(i, d) * W(d, j + 3);
@@ -117,21 +126,28 @@ template <MotionPattern pattern, class Scalar, int n>
     }
   }
   SpatialInertia<Scalar> result;
+#pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
     for (int i = 0; i <= j; ++i) {
       result.M(i, j) = M(i, j);
       result.J(i, j) = J(i, j);
     }
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { result.H(i, j) = H(i, j); }
   }
+#pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) {
       const Scalar v = column_dot<pattern>(S, d, M(0, j), M(1, j), M(2, j), G(0, j), G(1, j), G(2, j));
       const Scalar w = column_dot<pattern>(S, d, H(0, j), H(1, j), H(2, j), J(0, j), J(1, j), J(2, j));
+#pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) {
         result.M(i, j) -= W(d, i) * v;
         result.J(i, j) -= W(d, i + 3) * w;
       }
+#pragma GCC unroll 8
       for (int i = 0; i < 3; ++i) { result.H(i, j) -= W(d, i) * w; }
     }
   }
@@ -143,12 +159,16 @@ template <class Scalar, int n>
 [[gnu::always_inline]] inline void subtract_product(const Eigen::Matrix<Scalar, 6, n>& U,
                                                     const Eigen::Matrix<Scalar, n, 6>& W, SpatialInertia<Scalar>& A)
 {
+#pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) {
         A.M(i, j) -= U(i, d) * W(d, j);
         A.J(i, j) -= U(i + 3, d) * W(d, j + 3);
       }
+#pragma GCC unroll 8
       for (int i = 0; i < 3; ++i) { A.H(i, j) -= U(i, d) * W(d, j + 3); }
     }
   }
@@ -158,13 +178,16 @@ template <class Scalar, int n>
 template <class Scalar>
 [[gnu::always_inline]] inline void add_square(const Scalar& weight, const Vector6<Scalar>& z, SpatialInertia<Scalar>& A)
 {
+#pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
     const Scalar v = weight * z(j);
     const Scalar w = weight * z(j + 3);
+#pragma GCC unroll 8
     for (int i = 0; i <= j; ++i) {
       A.M(i, j) += z(i) * v;
       A.J(i, j) += z(i + 3) * w;
     }
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { A.H(i, j) += z(i) * w; }
   }
 }
@@ -186,12 +209,16 @@ template <bool offset, bool velocity, class Scalar>
   if constexpr (offset) {
     // From the frame's origin to the coupling point: with s = mc + ½ m r, Θ + 2 (r·s) 1 − r sᵀ − s rᵀ
     Vector3<Scalar> s;
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { s(i) = mc(i) + body.mass * r(i) * Scalar(0.5); }
     const Scalar trace = Scalar(2) * (r(0) * s(0) + r(1) * s(1) + r(2) * s(2));
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) { Theta(i, j) -= r(i) * s(j) + s(i) * r(j); }
       Theta(j, j) += trace;
     }
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { mc(i) += body.mass * r(i); }
   }
   A.set_rigid(body.mass, mc, Theta);

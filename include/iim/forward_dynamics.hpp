@@ -136,20 +136,24 @@ public:
       if (node.inlet >= 0) {
         y = guidance(node, state, undone);
         if constexpr (scene.velocity) {
+#pragma GCC unroll 8
           for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
         }
       } else {
+#pragma GCC unroll 8
         for (int i = 0; i < 3; ++i) {
           y(i) = scene.gravity ? Scalar(-tree_.gravity()(i)) : Scalar(0);
           y(i + 3) = Scalar(0);
         }
       }
       detail::Velocities<S> qdd;
+#pragma GCC unroll 8
       for (int d = 0; d < S::n_i; ++d) {
         qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
                                   (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
         ws_.qdd()(node.v + d) = qdd(d) - undone;
       }
+#pragma GCC unroll 8
       for (int k = 0; k < S::n_frames; ++k) {
         FrameState<Scalar>& f = ws_.frame(node.frame + k);
         f.Vdot = y;
@@ -160,6 +164,7 @@ public:
           ws_.root(node.frame).rate = qdd(0);
         }
         const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
+#pragma GCC unroll 8
         for (int d = 0; d < S::n_i; ++d) {
           if constexpr (S::pattern.linear) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
           if constexpr (S::pattern.angular) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
@@ -185,6 +190,7 @@ private:
       if (inlet.keeps_v) {
         const SharedAxis<Scalar>& shared = ws_.shared_axis(node.index);
         Vector6<Scalar> y = shift_twist(state.r, inlet.rest);
+#pragma GCC unroll 8
         for (int k = 0; k < 6; ++k) { y(k) += shared.difference(k) * inlet.rate; }
         undone = shared.share * inlet.rate;
         return y;

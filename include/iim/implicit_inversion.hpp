@@ -101,12 +101,13 @@ public:
     if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
     auto Bhat = result_.Bhat(m);
+    bool finite = false;
     if (m >= product_from_) {
-      (*product_)(fd.workspace(), Bhat);
+      finite = (*product_)(fd.workspace(), Bhat);
     } else {
       (*sweep_)(fd.workspace(), Bhat);
     }
-    const bool finite = detail::all_finite(Bhat);
+    finite = finite || detail::all_finite(Bhat);
     return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 

@@ -34,7 +34,9 @@ template <Scene scene, class S, class N, class RotorType, class Workspace>
   spun.a = times(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
   if (!on_inlet) {
     const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) {
+#pragma GCC unroll 8
       for (int i = 0; i < 3; ++i) { spun.e(d) += S_k(i + 3, d) * spun.a(i); }
     }
   }
@@ -43,15 +45,18 @@ template <Scene scene, class S, class N, class RotorType, class Workspace>
     if (!on_inlet) {
       const FrameState<Scalar>& f = ws.frame(node.frame + rotor.frame);
       omega = f.omega;
+#pragma GCC unroll 8
       for (int i = 0; i < 3; ++i) { spun.bias += spun.a(i) * f.bias(i + 3); }
     } else if (node.inlet >= 0) {
       omega = ws.frame(node.inlet).omega;
     }
     // Spin momentum J (a·ω + ratio q̇) a turns with the carrier.
     Scalar spin = spun.a(0) * omega(0) + spun.a(1) * omega(1) + spun.a(2) * omega(2);
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) { spin += rotor.ratio(d) * state.qd(d); }
     spin *= spun.J;
     spun.moment = cross(omega, spun.a);
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { spun.moment(i) *= spin; }
   }
   return spun;
@@ -63,10 +68,13 @@ template <class S, class RotorType>
                                                   const NodeState<S>& state, Vector6<typename S::Scalar>& hg,
                                                   Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
 {
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { hg(i + 3) += spun.moment(i); }
   if (rotor.frame < 0) { return; }
   const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
+#pragma GCC unroll 8
   for (int d = 0; d < S::n_i; ++d) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { hq(d) += S_k(i + 3, d) * spun.moment(i); }
   }
 }
@@ -75,7 +83,9 @@ template <class S, class RotorType>
 template <class Scalar, int n_i>
 [[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring, Eigen::Matrix<Scalar, n_i, n_i>& D)
 {
+#pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
+#pragma GCC unroll 8
     for (int e = 0; e < n_i; ++e) { D(e, d) += spring.ratio(e) * spring.inertia * spring.ratio(d); }
   }
 }
@@ -86,8 +96,10 @@ template <class Scalar, int n>
                                                                   const Eigen::Matrix<Scalar, n, 1>& x)
 {
   Eigen::Matrix<Scalar, n, 1> y;
+#pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
     y(d) = A(d, 0) * x(0);
+#pragma GCC unroll 8
     for (int e = 1; e < n; ++e) { y(d) += A(d, e) * x(e); }
   }
   return y;

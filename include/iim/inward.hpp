@@ -23,6 +23,7 @@ template <class Scalar>
 {
   const Vector3<Scalar> force = A.force_of_linear(a);
   const Vector3<Scalar> moment = A.moment_of_linear(a);
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
     p(i) += force(i);
     p(i + 3) += moment(i);
@@ -40,6 +41,7 @@ template <Scene scene, class S>
     const Vector3<Scalar> a = angular(f.bias);
     const Vector3<Scalar> force = f.A.force_of_angular(a);
     const Vector3<Scalar> moment = f.A.moment_of_angular(a);
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       p(i) += force(i);
       p(i + 3) += moment(i);
@@ -72,6 +74,7 @@ template <class S, class N, class Workspace>
   using std::max;
   using Scalar = typename S::Scalar;
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
+#pragma GCC unroll 8
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     const Scalar mass = max(f.mass_size, f.A.M.trace());
@@ -100,11 +103,14 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   Eigen::Matrix<Scalar, n_i, n_i> D;
   Vector6<Scalar> hg;
   VectorI hq, scale;
+#pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
     hq(d) = -ws.load()(node.v + d);
     scale(d) = Scalar(0);
+#pragma GCC unroll 8
     for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
   }
+#pragma GCC unroll 8
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
@@ -112,6 +118,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     add_joint_inertia<pattern>(state.S_k[at], U_k[at], D);
     add_scale<pattern>(f, state.S_k[at], scale);
     const Vector6<Scalar> p = bias_wrench<scene, S>(f);
+#pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
     if (k == 0) {
       hg = p;
@@ -120,6 +127,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     }
   }
   Columns U = U_k[0];
+#pragma GCC unroll 8
   for (int k = 1; k < n_frames; ++k) { U += U_k[static_cast<std::size_t>(k)]; }
 
   // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
@@ -129,14 +137,18 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     for (std::size_t k = 0; k < n_rotors; ++k) {
       spun[k] = spin_rotor<scene, S>(node, rotors[k], state, ws);
       const Scalar Jb = spun[k].J * spun[k].bias;
+#pragma GCC unroll 8
       for (int d = 0; d < n_i; ++d) {
         const Scalar Je = spun[k].J * spun[k].e(d);
+#pragma GCC unroll 8
         for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
+#pragma GCC unroll 8
         for (int i = 0; i < 3; ++i) { U(i + 3, d) += Je * spun[k].a(i); }
         scale(d) += Je * spun[k].e(d);
         hq(d) += Jb * spun[k].e(d);
       }
       if constexpr (scene.velocity) {
+#pragma GCC unroll 8
         for (int i = 0; i < 3; ++i) { hg(i + 3) += Jb * spun[k].a(i); }
         add_gyroscopic(spun[k], rotors[k], state, hg, hq);
       }
@@ -146,6 +158,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) {
       add_spring(spring, D);
+#pragma GCC unroll 8
       for (int d = 0; d < n_i; ++d) { scale(d) += spring.inertia * spring.ratio(d) * spring.ratio(d); }
     }
   }
@@ -161,9 +174,12 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     return;  // nothing passes on: A' = 0, p' = 0
   }
   Eigen::Matrix<Scalar, n_i, 6> W;
+#pragma GCC unroll 8
   for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) {
       W(d, j) = state.MbarR_inv(d, 0) * U(j, 0);
+#pragma GCC unroll 8
       for (int e = 1; e < n_i; ++e) { W(d, j) += state.MbarR_inv(d, e) * U(j, e); }
     }
   }
@@ -171,27 +187,23 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   if (node.inlet < 0) { return; }
 
   // What the parent sees, before the shift to its own point.
-  SpatialInertia<Scalar> A;
-  for (int k = 0; k < n_frames; ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    const SpatialInertia<Scalar>& A_k = ws.frame(node.frame + k).A;
+  const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
+    const SpatialInertia<Scalar>& A_k = ws.frame(node.frame + static_cast<Index>(k)).A;
     if constexpr (Workspace::update == Update::projected) {
-      if (k == 0) {
-        A = projected<pattern>(A_k, state.S_k[at], U_k[at], W);
-      } else {
-        A += projected<pattern>(A_k, state.S_k[at], U_k[at], W);
-      }
-    } else if (k == 0) {
-      A = A_k;
+      return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else {
-      A += A_k;
+      return A_k;
     }
-  }
+  };
+  SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
+  for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
   for (const SpunRotor<S>& rotor : spun) {
     Vector6<Scalar> z;
     set(z, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
     if constexpr (Workspace::update == Update::projected) {
+#pragma GCC unroll 8
       for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 8
         for (int d = 0; d < n_i; ++d) { z(j) -= rotor.e(d) * W(d, j); }
       }
     }
@@ -200,8 +212,10 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     for (const auto& spring : state.springs) {
       Vector6<Scalar> z;
+#pragma GCC unroll 8
       for (int j = 0; j < 6; ++j) {
         z(j) = spring.ratio(0) * W(0, j);
+#pragma GCC unroll 8
         for (int d = 1; d < n_i; ++d) { z(j) += spring.ratio(d) * W(d, j); }
       }
       add_square(spring.inertia, z, A);
@@ -210,7 +224,9 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
 
   add_inlet_bodies<scene>(node, state, ws, A, hg);
+#pragma GCC unroll 8
   for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hg(j) -= W(d, j) * hq(d); }
   }
   if constexpr (scene.velocity) { add_wrench_of_linear(A, state.c, hg); }
@@ -228,6 +244,7 @@ void rigid_inward(const N& node, Workspace& ws)
   if (node.inlet < 0) { return; }
   NodeState<S>& state = ws.template node<S>(node);
   [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
+#pragma GCC unroll 8
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     Vector6<Scalar> p = f.h;

@@ -43,8 +43,10 @@ template <int first, class Scalar, int n>
                                                        const Eigen::Matrix<Scalar, n, 1>& qd)
 {
   Vector3<Scalar> v(Scalar(0), Scalar(0), Scalar(0));
+#pragma GCC unroll 8
   for (int i = 0; i < 3 && n > 0; ++i) {
     v(i) = S_k(first + i, 0) * qd(0);
+#pragma GCC unroll 8
     for (int d = 1; d < n; ++d) { v(i) += S_k(first + i, d) * qd(d); }
   }
   return v;
@@ -56,13 +58,17 @@ template <class Scalar>
 void straighten(Matrix3<Scalar>& R)
 {
   Symmetric3<Scalar> G;
+#pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
     for (int i = 0; i <= j; ++i) {
       G(i, j) = Scalar(i == j ? 1.5 : 0) - Scalar(0.5) * (R(0, i) * R(0, j) + R(1, i) * R(1, j) + R(2, i) * R(2, j));
     }
   }
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
     const Vector3<Scalar> row = G * Vector3<Scalar>(R(i, 0), R(i, 1), R(i, 2));
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) { R(i, j) = row(j); }
   }
 }
@@ -92,7 +98,9 @@ void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::
     const auto& spring = springs[k];
     const Scalar h_stiffness = step * spring.stiffness;
     Scalar rate(0);
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) { rate += spring.ratio(d) * qd(d); }
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) { load(d) -= spring.ratio(d) * (h_stiffness * rate); }
     state.springs[k].ratio = spring.ratio;
     state.springs[k].inertia = step * (spring.damping + h_stiffness);
@@ -129,7 +137,9 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     }
     Coordinates<S> q_i;
     Velocities<S> qd_i;
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_q; ++d) { q_i(d) = q(node.q + d); }
+#pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) {
       if constexpr (scene.velocity) {
         qd_i(d) = qd(node.v + d);
@@ -147,6 +157,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     if constexpr (scene.velocity) {
       if (node.inlet >= 0) { state.c = cross(omega, cross(omega, state.r)); }
     }
+#pragma GCC unroll 8
     for (int k = 0; k < S::n_frames; ++k) {
       FrameState<Scalar>& f = ws.frame(node.frame + k);
       if constexpr (scene.velocity) {
@@ -156,11 +167,13 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
         if constexpr (pattern.linear) {
           const Vector3<Scalar> v = relative<0>(S_k, qd_i);
           const Vector3<Scalar> coriolis = cross(omega, v);
+#pragma GCC unroll 8
           for (int i = 0; i < 3; ++i) { f.bias(i) = Scalar(2) * coriolis(i) + (pattern.bias ? f.bias(i) : Scalar(0)); }
         }
         if constexpr (pattern.angular) {
           const Vector3<Scalar> w = relative<3>(S_k, qd_i);
           const Vector3<Scalar> turning = cross(omega, w);
+#pragma GCC unroll 8
           for (int i = 0; i < 3; ++i) { f.bias(i + 3) = turning(i) + (pattern.bias ? f.bias(i + 3) : Scalar(0)); }
           add(f.omega, w);
         }

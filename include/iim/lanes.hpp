@@ -34,7 +34,7 @@ namespace detail {
 template <class T, int N>
 inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
 template <class T, int N>
-inline constexpr int tile_count<iim::Lanes<T, N>> = 8;
+inline constexpr int tile_count<iim::Lanes<T, N>> = 4;
 
 /// What holds them. An Eigen::Array would do, if compilers inlined its expressions of registers (measured: 2× for B̂).
 template <class T, int N, int count>

@@ -14,6 +14,7 @@
 
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
+#include <iim/limb_product.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
@@ -62,13 +63,16 @@ public:
   }
 
   /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(). The workspace holds the O(n) pass.
+  /// Returns true if B̂ is known to be finite.
   template <class Workspace, class Matrix>
-  void operator()(const Workspace& ws, Matrix& Bhat)
+  bool operator()(const Workspace& ws, Matrix& Bhat)
   {
     inputs_.number_columns();
     outward(ws);
     if constexpr (lanes > 1) { transpose_L(); }
+    check_ = Scalar(0);
     multiply_all(Bhat);
+    return is_register<Scalar> && detail::is_finite(check_);
   }
 
 private:
@@ -281,7 +285,7 @@ private:
       const Index end = first_column_[static_cast<std::size_t>(subtree_end)];
       Index j = first_column_[static_cast<std::size_t>(subsystem)];
       for (; j + tile <= end; j += tile) { multiply_tile<tile>(limbs_[k], j, Bhat); }
-      if constexpr (tile > 4) {
+      if constexpr (tile > 4 || is_register<Scalar>) {
         for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], j, Bhat); }
         for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], j, Bhat); }
       }
@@ -338,6 +342,12 @@ private:
       target[at(j)] = Bhat.data() + c.bhat * Bhat.rows();
     }
     depth = std::min(depth, limb.end);
+    if constexpr (is_register<Scalar>) {
+      const LimbTile<Scalar, count> all{limb, depth, L_rows_.data(), depth_, beta_.data() + column * depth_, depth_,
+                                        path_end_.data(), target};
+      multiply(all, check_);
+      return;
+    }
     const Index stride = depth_;
     const Index step = lanes == 1 ? 1 : rows_;
     for (Index v = limb.v; v < limb.v_end; v += lanes) {
@@ -395,6 +405,7 @@ private:
   std::vector<Index> needed_;           // of a subsystem: path positions of ancestors that an input reaches
   std::vector<Column> columns_;         // sorted along the tree
   Index roots_ = 0;
+  Scalar check_;  // the sum of all that was written to B̂, if Scalar is a register
 };
 
 }  // namespace iim::detail

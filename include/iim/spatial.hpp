@@ -35,6 +35,8 @@ Matrix3<Scalar> skew(const Vector3<Scalar>& a)
 
 // Products of three-vectors written out. In the hot path they replace Eigen's expressions, whose two-wide stores and
 // loads of 3 × 3 blocks do not meet (stalls), and whose layers compilers do not inline: together a factor of three.
+// Loops of the O(n) pass carry `#pragma GCC unroll`: g++ otherwise unrolls them only after it has decided which arrays
+// can live in registers, and keeps theirs in memory (measured on the biped: 1.48 instead of 1.97 µs).
 namespace detail {
 
 template <class Scalar>
@@ -53,7 +55,9 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::always_inline]] inline void multiply(const Matrix3<Scalar>& A, const Matrix3<Scalar>& B, Matrix3<Scalar>& C)
 {
+#pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { C(i, j) = A(i, 0) * B(0, j) + A(i, 1) * B(1, j) + A(i, 2) * B(2, j); }
   }
 }
@@ -62,11 +66,13 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::always_inline]] inline void add(Vector3<Scalar>& a, const Vector3<Scalar>& b)
 {
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { a(i) += b(i); }
 }
 template <class Scalar>
 [[gnu::always_inline]] inline void add(Vector6<Scalar>& a, const Vector6<Scalar>& b)
 {
+#pragma GCC unroll 8
   for (int i = 0; i < 6; ++i) { a(i) += b(i); }
 }
 
@@ -83,6 +89,7 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::always_inline]] inline void set(Vector6<Scalar>& V, const Vector3<Scalar>& lin, const Vector3<Scalar>& ang)
 {
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
     V(i) = lin(i);
     V(i + 3) = ang(i);
@@ -99,6 +106,7 @@ template <class Scalar>
   shifted(0) = V(0) + (V(4) * r(2) - V(5) * r(1));
   shifted(1) = V(1) + (V(5) * r(0) - V(3) * r(2));
   shifted(2) = V(2) + (V(3) * r(1) - V(4) * r(0));
+#pragma GCC unroll 8
   for (int i = 3; i < 6; ++i) { shifted(i) = V(i); }
   return shifted;
 }
@@ -108,6 +116,7 @@ template <class Scalar>
 [[gnu::always_inline]] inline Vector6<Scalar> shift_wrench(const Vector3<Scalar>& r, const Vector6<Scalar>& w)
 {
   Vector6<Scalar> shifted;
+#pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { shifted(i) = w(i); }
   shifted(3) = w(3) + (r(1) * w(2) - r(2) * w(1));
   shifted(4) = w(4) + (r(2) * w(0) - r(0) * w(2));
@@ -138,9 +147,12 @@ struct Symmetric3 {
   [[gnu::always_inline]] static Symmetric3 turned(const Matrix3<Scalar>& R, const Matrix3<Scalar>& I)
   {
     Symmetric3 turned;
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) {
       Vector3<Scalar> I_Rt;  // column j of I Rᵀ
+#pragma GCC unroll 8
       for (int i = 0; i < 3; ++i) { I_Rt(i) = I(i, 0) * R(j, 0) + I(i, 1) * R(j, 1) + I(i, 2) * R(j, 2); }
+#pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) { turned(i, j) = R(i, 0) * I_Rt(0) + R(i, 1) * I_Rt(1) + R(i, 2) * I_Rt(2); }
     }
     return turned;
@@ -166,6 +178,7 @@ struct SpatialInertia {
   {
     M.at.fill(Scalar(0));
     J.at.fill(Scalar(0));
+#pragma GCC unroll 8
     for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) = Scalar(0); }
   }
 
@@ -186,6 +199,7 @@ struct SpatialInertia {
       M.at[k] += other.M.at[k];
       J.at[k] += other.J.at[k];
     }
+#pragma GCC unroll 8
     for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += other.H(k % 3, k / 3); }
     return *this;
   }
@@ -195,12 +209,15 @@ struct SpatialInertia {
   {
     // H' = H − M r̃,   J' = J + r̃ H' − Hᵀ r̃
     Matrix3<Scalar> S;
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       S(i, 0) = A.H(i, 0) - (A.M(i, 1) * r(2) - A.M(i, 2) * r(1));
       S(i, 1) = A.H(i, 1) - (A.M(i, 2) * r(0) - A.M(i, 0) * r(2));
       S(i, 2) = A.H(i, 2) - (A.M(i, 0) * r(1) - A.M(i, 1) * r(0));
     }
+#pragma GCC unroll 8
     for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) {
         const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
         // (r̃ H')_ij and (r̃ H)_ji
@@ -208,6 +225,7 @@ struct SpatialInertia {
       }
     }
     for (std::size_t k = 0; k < 6; ++k) { M.at[k] += A.M.at[k]; }
+#pragma GCC unroll 8
     for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += S(k % 3, k / 3); }
   }
 

@@ -31,18 +31,24 @@ bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar
     bool positive = true;
     Eigen::Matrix<Scalar, n, n> L;
     C.setZero();
+#pragma GCC unroll 8
     for (int i = 0; i < n; ++i) {
+#pragma GCC unroll 8
       for (int j = 0; j < i; ++j) {
         Scalar sum = D(i, j);
+#pragma GCC unroll 8
         for (int k = 0; k < j; ++k) { sum -= L(i, k) * L(j, k); }
         L(i, j) = sum * C(j, j);
       }
       Scalar pivot = D(i, i);
+#pragma GCC unroll 8
       for (int k = 0; k < i; ++k) { pivot -= L(i, k) * L(i, k); }
       positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * scale(i));
       C(i, i) = Scalar(1) / sqrt(pivot);
+#pragma GCC unroll 8
       for (int j = 0; j < i; ++j) {
         Scalar sum = Scalar(0);
+#pragma GCC unroll 8
         for (int k = j; k < i; ++k) { sum += L(i, k) * C(j, k); }
         C(j, i) = -sum * C(i, i);
       }
