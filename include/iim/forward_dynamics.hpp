@@ -153,7 +153,7 @@ public:
                                   (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
         ws_.qdd()(node.v + d) = qdd(d) - undone;
       }
-#pragma GCC unroll 8
+#pragma GCC unroll 2
       for (int k = 0; k < S::n_frames; ++k) {
         FrameState<Scalar>& f = ws_.frame(node.frame + k);
         f.Vdot = y;

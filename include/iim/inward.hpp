@@ -74,7 +74,7 @@ template <class S, class N, class Workspace>
   using std::max;
   using Scalar = typename S::Scalar;
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
-#pragma GCC unroll 8
+#pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     const Scalar mass = max(f.mass_size, f.A.M.trace());
@@ -110,7 +110,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
 #pragma GCC unroll 8
     for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
   }
-#pragma GCC unroll 8
+#pragma GCC unroll 2
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
@@ -127,7 +127,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     }
   }
   Columns U = U_k[0];
-#pragma GCC unroll 8
+#pragma GCC unroll 2
   for (int k = 1; k < n_frames; ++k) { U += U_k[static_cast<std::size_t>(k)]; }
 
   // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
@@ -244,7 +244,7 @@ void rigid_inward(const N& node, Workspace& ws)
   if (node.inlet < 0) { return; }
   NodeState<S>& state = ws.template node<S>(node);
   [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
-#pragma GCC unroll 8
+#pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     Vector6<Scalar> p = f.h;

@@ -157,7 +157,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     if constexpr (scene.velocity) {
       if (node.inlet >= 0) { state.c = cross(omega, cross(omega, state.r)); }
     }
-#pragma GCC unroll 8
+#pragma GCC unroll 2
     for (int k = 0; k < S::n_frames; ++k) {
       FrameState<Scalar>& f = ws.frame(node.frame + k);
       if constexpr (scene.velocity) {
