@@ -51,37 +51,57 @@ double peak()
   return 2.0 * chains * steps * Pack::size / best;
 }
 
+/// A model with its inputs and a pool of random states, a column each; refers to itself and therefore stays where it is.
+template <class Scalar>
+struct SeveralScene {
+  using Tree = bench::Tree<Scalar>;
+  static constexpr Index count = 512;
+
+  explicit SeveralScene(const peers::Model& model)
+      : in_double(peers::assembly(model)), assembly(in_double.template cast<Scalar>()), tree(assembly),
+        inputs(peers::choose_inputs(peers::Tree(in_double), model).on(tree)), q(tree.n_q(), count), qd(tree.n_v(), count),
+        u(inputs.columns(), count)
+  {
+    const auto pool = random_states(tree, inputs.columns(), count, 4711);
+    for (Index k = 0; k < count; ++k) {
+      states.push_back(pool[static_cast<std::size_t>(k)].template cast<Scalar>());
+      q.col(k) = states.back().q;
+      qd.col(k) = states.back().qd;
+      u.col(k) = states.back().u;
+    }
+  }
+  SeveralScene(const SeveralScene&) = delete;
+  SeveralScene& operator=(const SeveralScene&) = delete;
+
+  iim::StandardAssembly<double> in_double;
+  iim::StandardAssembly<Scalar> assembly;
+  Tree tree;
+  iim::Inputs<Tree> inputs;
+  iim::MatrixX<Scalar> q, qd, u;
+  std::vector<State<Scalar>> states;
+};
+
 template <class Scalar>
 SeveralTimes measure_several(const peers::Model& model, int rounds)
 {
   using Tree = bench::Tree<Scalar>;
   using Several = iim::SeveralStates<Tree>;
-  const iim::StandardAssembly<double> in_double = peers::assembly(model);
-  const iim::StandardAssembly<Scalar> assembly = in_double.template cast<Scalar>();
-  const peers::Tree double_tree(in_double);
-  const Tree tree(assembly);
-  const iim::Inputs<Tree> inputs = peers::choose_inputs(double_tree, model).on(tree);
+  const SeveralScene<Scalar> scene(model);
+  const Tree& tree = scene.tree;
+  const auto& inputs = scene.inputs;
+  const auto& states = scene.states;
+  constexpr Index count = SeveralScene<Scalar>::count;
   iim::Workspace<Tree> workspace(tree);
   iim::ImplicitInversion<Tree> method(tree, inputs);
-  Several several(assembly, inputs);
-
-  constexpr Index count = 512;
-  const auto pool = random_states(tree, inputs.columns(), count, 4711);
-  iim::MatrixX<Scalar> q(tree.n_q(), count), qd(tree.n_v(), count), u(inputs.columns(), count), qdd(tree.n_v(), count);
-  std::vector<State<Scalar>> states;
-  for (Index k = 0; k < count; ++k) {
-    states.push_back(pool[static_cast<std::size_t>(k)].template cast<Scalar>());
-    q.col(k) = states.back().q;
-    qd.col(k) = states.back().qd;
-    u.col(k) = states.back().u;
-  }
+  Several several(scene.assembly, inputs);
+  iim::MatrixX<Scalar> qdd(tree.n_v(), count);
 
   SeveralTimes times{};
   times.model = model.name;
   times.scalar = sizeof(Scalar) == 8 ? "double" : "float";
   times.lanes = Several::lanes;
   std::tie(times.operations, times.operations_with_u) = operations(model);
-  several.for_each(q, qd, [&](Index k, const iim::AffineDynamics<Scalar>& ours) {
+  several.for_each(scene.q, scene.qd, [&](Index k, const iim::AffineDynamics<Scalar>& ours) {
     const auto& x = states[static_cast<std::size_t>(k)];
     const auto one = method(iim::forward_dynamics(x.q, x.qd, workspace));
     const double apart = static_cast<double>((ours.Bhat - one.Bhat).norm() / one.Bhat.norm());
@@ -101,12 +121,12 @@ SeveralTimes measure_several(const peers::Model& model, int rounds)
     time(0, [&] {
       for (const State<Scalar>& x : states) { keep(method(iim::forward_dynamics(x.q, x.qd, workspace))); }
     });
-    time(1, [&] { several.for_each_pack(q, qd, [](const auto& pack) { keep(pack); }); });
-    time(2, [&] { several.for_each(q, qd, [](Index, const auto& dynamics) { keep(dynamics); }); });
+    time(1, [&] { several.for_each_pack(scene.q, scene.qd, [](const auto& pack) { keep(pack); }); });
+    time(2, [&] { several.for_each(scene.q, scene.qd, [](Index, const auto& dynamics) { keep(dynamics); }); });
     time(3, [&] {
       for (const State<Scalar>& x : states) { keep(iim::forward_dynamics(x.q, x.qd, inputs, x.u, workspace)); }
     });
-    time(4, [&] { keep(several.accelerations(q, qd, u, qdd, outcomes)); });
+    time(4, [&] { keep(several.accelerations(scene.q, scene.qd, scene.u, qdd, outcomes)); });
   }
   times.single = spread(samples[0]);
   times.packs = spread(samples[1]);
@@ -120,19 +140,8 @@ template <class Scalar>
 Spread measure_cores(const peers::Model& model, int threads, int rounds)
 {
   using Tree = bench::Tree<Scalar>;
-  const iim::StandardAssembly<double> in_double = peers::assembly(model);
-  const iim::StandardAssembly<Scalar> assembly = in_double.template cast<Scalar>();
-  const peers::Tree double_tree(in_double);
-  const Tree tree(assembly);
-  const iim::Inputs<Tree> inputs = peers::choose_inputs(double_tree, model).on(tree);
-  constexpr Index count = 512;
+  const SeveralScene<Scalar> scene(model);
   constexpr int repeats = 16;  // so that starting the threads (some µs) does not count
-  const auto pool = random_states(tree, inputs.columns(), count, 4711);
-  iim::MatrixX<Scalar> q(tree.n_q(), count), qd(tree.n_v(), count);
-  for (Index k = 0; k < count; ++k) {
-    q.col(k) = pool[static_cast<std::size_t>(k)].q.template cast<Scalar>();
-    qd.col(k) = pool[static_cast<std::size_t>(k)].qd.template cast<Scalar>();
-  }
   std::vector<std::unique_ptr<iim::SeveralStates<Tree>>> cores(static_cast<std::size_t>(threads));
   const auto on_cores = [&](const auto& f) {
 #ifdef _OPENMP
@@ -140,17 +149,17 @@ Spread measure_cores(const peers::Model& model, int threads, int rounds)
 #endif
     for (int part = 0; part < threads; ++part) { f(cores[static_cast<std::size_t>(part)]); }
   };
-  on_cores([&](auto& several) { several = std::make_unique<iim::SeveralStates<Tree>>(assembly, inputs); });
+  on_cores([&](auto& several) { several = std::make_unique<iim::SeveralStates<Tree>>(scene.assembly, scene.inputs); });
   std::vector<double> samples;
   for (int round = 0; round < rounds; ++round) {
     const auto start = std::chrono::steady_clock::now();
     on_cores([&](auto& several) {
       for (int k = 0; k < repeats; ++k) {
-        several->for_each_pack(q, qd, [](const auto& pack) { keep(pack); });
+        several->for_each_pack(scene.q, scene.qd, [](const auto& pack) { keep(pack); });
       }
     });
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-    samples.push_back(seconds.count() / (count * repeats));
+    samples.push_back(seconds.count() / (scene.count * repeats));
   }
   return spread(samples);
 }
