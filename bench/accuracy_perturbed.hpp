@@ -40,6 +40,9 @@ iim::StandardAssembly<Digits> perturbed(const iim::StandardAssembly<Digits>& par
           if constexpr (requires { s.motor; }) {
             move(s.motor.gear_ratio);
             move(s.motor.axial_inertia);
+            move(s.motor.transverse_inertia);
+            move(s.motor.mass);
+            for (int i = 0; i < 3; ++i) { move(s.motor.com(i)); }
           }
           other.add(part.name, on, s);
         },

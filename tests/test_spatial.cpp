@@ -180,3 +180,19 @@ TEST_CASE("principal axes: an orthogonal matrix and the moments, small ones to t
     }
   }
 }
+
+TEST_CASE("a rotor across its axis has two moments, whatever the matrix rounds; a thin rod has three")
+{
+  FrameMass<double> body;
+  body.present = true;
+  body.mass = 1;
+  for (int k = 0; k < 50; ++k) {
+    const Vector3<double> a = random<Vector3<double>>().normalized();
+    body.central_inertia = 3e-5 * (Matrix3<double>::Identity() - a * a.transpose());
+    const detail::BodyRoot<double> root(body);
+    CHECK(root.rows == 5);
+    CHECK(root.root_moment(2) == 0);
+  }
+  body.central_inertia = Vector3<double>(1, 1, 1e-18).asDiagonal();
+  CHECK(detail::BodyRoot<double>(body).rows == 6);
+}

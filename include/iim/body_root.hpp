@@ -63,8 +63,11 @@ struct BodyRoot {
     com = body.com;
     Vector3<Scalar> moment = body.central_inertia.diagonal();
     const Matrix3<Scalar> diagonal = moment.asDiagonal();
+    Scalar roundings(0);
     if (body.central_inertia != diagonal) {
       principal_axes(body.central_inertia, moment, axes);
+      // A rotor across its axis has two moments; the third is what the matrix rounds, and of a small body beside it many times.
+      roundings = Scalar(4) * Eigen::NumTraits<Scalar>::epsilon() * moment.maxCoeff();
     }
     for (int pass = 0; pass < 2; ++pass) {  // largest first
       for (int k = 0; k < 2; ++k) {
@@ -77,7 +80,7 @@ struct BodyRoot {
     axes.col(2) = axes.col(0).cross(axes.col(1));
     rows = 3;
     for (int k = 0; k < 3; ++k) {
-      if (moment(k) > Scalar(0)) {
+      if (moment(k) > roundings) {
         root_moment(k) = sqrt(moment(k));
         gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
         ++rows;
