@@ -44,6 +44,7 @@ void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>&
 /// The rigid body that one frame carries, by its principal axes: constants of N_b and z_b.
 template <class Scalar>
 struct BodyRoot {
+  static constexpr int most_rows = 6;
   Scalar root_mass = Scalar(0);                       ///< √m
   Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< in the frame
   Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame

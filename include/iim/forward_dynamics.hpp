@@ -159,7 +159,7 @@ public:
         f.Vdot = y;
         if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += f.bias(i); } }
         if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += f.bias(i); } }
-        if constexpr (Workspace::update == Update::square_root && along<S>() != Along::nothing) {
+        if constexpr (one_column<S, Workspace>) {
           ws_.root(node.frame).rest = f.Vdot;
           ws_.root(node.frame).rate = qdd(0);
         }

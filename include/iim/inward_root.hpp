@@ -26,7 +26,7 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool 
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   shared.difference = shift_twist(state.r, inlet.S);
   shared.share = Scalar(0);
-  if constexpr (along<S>() != Along::nothing) {
+  if constexpr (one_column<S, Workspace>) {
     if (!annihilated) { return; }
     const Vector6<Scalar>& own = state.S_k[0];
     constexpr int part = S::pattern.angular ? 3 : 0;
@@ -67,7 +67,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   constexpr int capacity = RootInertia<Scalar>::most;
-  constexpr int most = capacity + RootInertia<Scalar>::most + 6;
+  constexpr int most = capacity + capacity + BodyRoot<Scalar>::most_rows;  // the inlet's, of one frame, of its bodies
   const BodyRoot<Scalar>& body = ws.inlet_body(node.index);
   const int body_rows = inlet_bodies ? body.rows : 0;
   RootRow<Scalar> T = RootRow<Scalar>::Zero(), size = T;
@@ -83,15 +83,13 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
       shift_row<scene.velocity>(*row, state.r, state.c);
     }
     if (body_rows > 0) {
-      RootInertia<Scalar> own;
       const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-      own.S = inlet.keeps_v ? shift_twist(state.r, inlet.S) : Vector6<Scalar>(Vector6<Scalar>::Zero());
-      place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, own);
-      if (inlet.keeps_v) { inlet.scale += own.scale; }
-      for (int r = 0; r < own.rows; ++r, ++row) {
-        *row = own.row[static_cast<std::size_t>(r)];
-        shift_row<scene.velocity>(*row, state.r, state.c);
-      }
+      Vector6<Scalar> column = Vector6<Scalar>::Zero();
+      if (inlet.keeps_v) { column = shift_twist(state.r, inlet.S); }
+      Scalar scale;
+      place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
+      if (inlet.keeps_v) { inlet.scale += scale; }
+      for (int r = 0; r < body_rows; ++r, ++row) { shift_row<scene.velocity>(*row, state.r, state.c); }
     }
   };
   const int rows = inlet.rows + count + body_rows;
@@ -117,7 +115,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
   constexpr int n_i = S::n_i;
-  constexpr bool keeps_v = along<S>() != Along::nothing;
+  constexpr bool keeps_v = one_column<S, Workspace>;
   constexpr int n_within = rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
   constexpr int most = RootInertia<Scalar>::most * S::n_frames + n_within + abreast;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;

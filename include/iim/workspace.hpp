@@ -19,6 +19,14 @@ enum class Update {
   square_root,  ///< N with A = NᵀN in place of A: a few roundings whatever the length and the ratio of masses
 };
 
+namespace detail {
+
+/// In square-root form: the frame of S moves by one column, and n S is kept beside each of its rows n.
+template <class S, class Workspace>
+inline constexpr bool one_column = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+
+}  // namespace detail
+
 /// State of one frame. World axes; at the coupling point of the subsystem that moves the frame.
 template <class Scalar>
 struct FrameState {
@@ -97,7 +105,7 @@ public:
         f.Vdot.setZero();
         f.A.set_zero();
       }
-      if constexpr (update == Update::square_root && detail::along<S>() != detail::Along::nothing) {
+      if constexpr (detail::one_column<S, Workspace>) {
         root(node.frame).keeps_v = true;
         if constexpr (detail::has_own_twist<S>()) { frame_body_[static_cast<std::size_t>(node.frame)].set_own_twist(s.own_twist()); }
       }

@@ -1,0 +1,187 @@
+// Rows [N | z | v] of the square-root form (square_root.hpp), and their reduction by an orthogonal Q: Householder's
+// reflections, rows sorted by size and columns pivoted.
+#pragma once
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+
+namespace iim::detail {
+
+/// One row [n | z | v]: six columns for (v̇, ω̇), the right-hand side, and where the frame moves by one column S, n S.
+template <class Scalar>
+using RootRow = Eigen::Array<Scalar, 8, 1>;
+inline constexpr int rhs = 6;      ///< lane of z
+inline constexpr int along_S = 7;  ///< lane of v
+
+/// Householder's reflection that takes x, ‖x‖² = square > 0, to (α, 0, …); its largest entry should stand first.
+/// Turns x[0] into the first entry of the reflection's vector; the others stay. Returns α and 2/‖vector‖².
+template <class Scalar>
+[[gnu::always_inline]] inline std::pair<Scalar, Scalar> reflector(Scalar* x, const Scalar& square)
+{
+  using std::sqrt;
+  const Scalar norm = sqrt(square);
+  const Scalar alpha = x[0] > Scalar(0) ? Scalar(-norm) : norm;
+  x[0] -= alpha;
+  return {alpha, Scalar(-1) / (alpha * x[0])};
+}
+
+/// Place of the largest entry, its sign left aside.
+template <class Scalar>
+[[gnu::always_inline]] inline int largest(const Scalar* x, int count)
+{
+  using std::abs;
+  int at = 0, next = 1;  // two races, so that no comparison waits for the one before
+  Scalar size = abs(x[0]), other = count > 1 ? abs(x[1]) : Scalar(-1);
+  for (int r = 2; r < count; r += 2) {
+    const Scalar a = abs(x[r]);
+    at = a > size ? r : at;
+    size = a > size ? a : size;
+    const Scalar b = r + 1 < count ? abs(x[r + 1]) : Scalar(-1);
+    next = b > other ? r + 1 : next;
+    other = b > other ? b : other;
+  }
+  return other > size ? next : at;
+}
+
+/// Rows are worked on four at a time, so that no sum waits for another: rows behind `count` are zero up to the next four.
+inline constexpr int abreast = 4;
+
+/// Σ_r rows[r] f(r).
+template <class Scalar, class Factor>
+[[gnu::always_inline]] inline RootRow<Scalar> weighted_sum(const RootRow<Scalar>* rows, int count, Factor&& factor)
+{
+  RootRow<Scalar> a = rows[0] * factor(0), b = rows[1] * factor(1), c = rows[2] * factor(2), d = rows[3] * factor(3);
+  for (int r = abreast; r < count; r += abreast) {
+    a += rows[r] * factor(r);
+    b += rows[r + 1] * factor(r + 1);
+    c += rows[r + 2] * factor(r + 2);
+    d += rows[r + 3] * factor(r + 3);
+  }
+  return (a + b) + (c + d);
+}
+
+/// rows −= w xᵀ. Returns the squares, summed by column.
+template <class Scalar, class Factor>
+[[gnu::always_inline]] inline RootRow<Scalar> subtract(RootRow<Scalar>* rows, int count, const RootRow<Scalar>& w, Factor&& x)
+{
+  RootRow<Scalar> a = RootRow<Scalar>::Zero(), b = a, c = a, d = a;
+  const auto step = [&](int r, RootRow<Scalar>& sum) {
+    const RootRow<Scalar> n = rows[r] - w * x(r);
+    rows[r] = n;
+    sum += n * n;
+  };
+  for (int r = 0; r < count; r += abreast) {
+    step(r, a);
+    step(r + 1, b);
+    step(r + 2, c);
+    step(r + 3, d);
+  }
+  return (a + b) + (c + d);
+}
+
+/// Size of a row to sort by: ‖n‖₁, a finite number also where n is not, and less than the largest.
+template <class Scalar>
+[[gnu::always_inline]] inline Scalar size_of(const RootRow<Scalar>& n)
+{
+  using std::abs;
+  const Scalar sum = ((abs(n(0)) + abs(n(1))) + (abs(n(2)) + abs(n(3)))) + (abs(n(4)) + abs(n(5)));
+  const Scalar most = Eigen::NumTraits<Scalar>::highest() / Scalar(2);
+  return sum < most ? sum : most;
+}
+
+/// The largest of the first six lanes: its place and itself, by knock-out.
+template <class Scalar>
+[[gnu::always_inline]] inline std::pair<int, Scalar> largest_of_six(const RootRow<Scalar>& x)
+{
+  const int a = x(1) > x(0) ? 1 : 0;
+  const int b = x(3) > x(2) ? 3 : 2;
+  const int c = x(5) > x(4) ? 5 : 4;
+  const Scalar xa = x(1) > x(0) ? x(1) : x(0);
+  const Scalar xb = x(3) > x(2) ? x(3) : x(2);
+  const Scalar xc = x(5) > x(4) ? x(5) : x(4);
+  const int d = xb > xa ? b : a;
+  const Scalar xd = xb > xa ? xb : xa;
+  return {xc > xd ? c : d, xc > xd ? xc : xd};
+}
+
+/// Order of the rows by size, largest first; `top` before them all. Counts instead of swapping: no branch to guess.
+template <std::size_t most, class Scalar>
+[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, int top, RootRow<Scalar>* sorted)
+{
+  constexpr std::size_t padded = (most + 7) / 8 * 8;
+  std::array<Scalar, padded> size;
+  std::array<std::conditional_t<sizeof(Scalar) == 8, std::int64_t, std::int32_t>, padded> place;
+  const auto rows = static_cast<std::size_t>(count);
+  const std::size_t end = (rows + 7) / 8 * 8;
+  for (std::size_t r = 0; r < rows; ++r) { size[r] = size_of(stack[r]); }
+  for (std::size_t r = rows; r < end; ++r) { size[r] = Scalar(-1); }
+  if (top >= 0) { size[static_cast<std::size_t>(top)] = Eigen::NumTraits<Scalar>::highest(); }
+  for (std::size_t l = 0; l < end; ++l) { place[l] = 0; }
+  for (std::size_t r = 0; r < rows; ++r) {
+    const Scalar other = size[r];
+    for (std::size_t l = 0; l < end; ++l) {
+      place[l] += static_cast<int>(other > size[l]) | (static_cast<int>(other == size[l]) & static_cast<int>(r < l));
+    }
+  }
+  for (std::size_t r = 0; r < rows; ++r) { sorted[place[r]] = stack[r]; }
+}
+
+/// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
+/// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
+/// `first` = along_S: Q of the file's head. The first column is v, its largest entry above all, and result[0] is
+/// [N₁ | z₁ | T]; the rows after it are [N' | z' | 0].
+template <int steps, std::size_t most, int first = -1, class Scalar>
+int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
+             std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
+{
+  count = std::min(count, static_cast<int>(most));
+  rank = std::min(std::min(rank, steps), count);
+  int top_row = -1;
+  if constexpr (first >= 0) {
+    std::array<Scalar, most> v;
+    for (int r = 0; r < count; ++r) { v[static_cast<std::size_t>(r)] = stack[r](first); }
+    top_row = largest(v.data(), count);
+  }
+  std::array<RootRow<Scalar>, most + abreast> sorted;
+  sort_rows<most>(stack, count, top_row, sorted.data());
+  for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
+  RootRow<Scalar> square =
+      weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
+  auto [column, most_left] = largest_of_six(square);
+  if constexpr (first >= 0) { column = first; }
+  for (int k = 0; k < rank; ++k) {
+    RootRow<Scalar>* rows = sorted.data() + k;
+    const int active = count - k;
+    const Scalar best = square(column);
+    if (!(best > Scalar(0))) { return k; }  // what is left is zero
+    pivot[static_cast<std::size_t>(k)] = column;
+    RootRow<Scalar> unit;
+    for (int l = 0; l < 8; ++l) { unit(l) = Scalar(l == column ? 1 : 0); }
+    const auto x = [&, c = column](int r) -> const Scalar& { return rows[r](c); };
+    Scalar top = x(0);
+    const RootRow<Scalar> above = rows[0];
+    const RootRow<Scalar> sum = weighted_sum(rows, active, x);
+    const auto [alpha, factor] = reflector(&top, best);
+    result[k] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation; alpha in its column
+    if (k + 1 == rank) { break; }
+    // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
+    const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;
+    // The next column by what Pythagoras leaves of it, which is there before the rows are; by themselves if that is roundings.
+    const RootRow<Scalar> left = (square - result[k] * result[k]) * (Scalar(1) - unit);
+    const Scalar doubtful = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * most_left;
+    square = subtract(rows + 1, active - 1, w, [&](int r) -> const Scalar& { return x(r + 1); });
+    std::tie(column, most_left) = largest_of_six(left);
+    if (!(most_left > doubtful)) { std::tie(column, most_left) = largest_of_six(square); }
+  }
+  return rank;
+}
+
+}  // namespace iim::detail
