@@ -3,6 +3,7 @@
 
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/root_rows.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -12,7 +13,6 @@
 #include <array>
 #include <cstddef>
 #include <limits>
-#include <tuple>
 
 namespace iim::detail {
 
@@ -59,39 +59,64 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
   for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
 }
 
-/// The rows that are left, and those of bodies on the inlet, seen from the parent's point.
+template <class Scalar>
+const Scalar& larger(const Scalar& a, const Scalar& b)
+{
+  return a > b ? a : b;
+}
+
+/// √m of the heaviest body that the frames of S carry.
+template <class S, class N, class Workspace>
+typename S::Scalar heaviest(const N& node, const Workspace& ws)
+{
+  typename S::Scalar root = ws.root(node.frame).heaviest;
+  for (int k = 1; k < S::n_frames; ++k) { root = larger(root, ws.root(node.frame + k).heaviest); }
+  return root;
+}
+
+/// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
+/// frame that the rows do not contain yet.
 template <Scene scene, class S, class N, class Workspace>
 void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool inlet_bodies, Workspace& ws)
+                    bool inlet_bodies, Workspace& ws,
+                    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero())
 {
+  using std::abs;
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   constexpr int capacity = RootInertia<Scalar>::most;
   constexpr int most = capacity + capacity + BodyRoot<Scalar>::most_rows;  // the inlet's, of one frame, of its bodies
   const BodyRoot<Scalar>& body = ws.inlet_body(node.index);
   const int body_rows = inlet_bodies ? body.rows : 0;
-  RootRow<Scalar> T = RootRow<Scalar>::Zero(), size = T;
-  for (int k = 0; k < 6 && inlet.keeps_v; ++k) { T(k) = ws.shared_axis(node.index).difference(k); }
+  const Vector6<Scalar> none = Vector6<Scalar>::Zero();
+  const Vector6<Scalar> T = inlet.keeps_v ? ws.shared_axis(node.index).difference : none;
+  if constexpr (scene.velocity) {
+    for (int i = 0; i < 3; ++i) { known(i) += state.c(i); }
+  }
   const auto stack_on = [&](RootRow<Scalar>* row) {
+    const RowMove<Scalar> move = row_move(state.r, known, T);
+    RootRow<Scalar> size = RootRow<Scalar>::Zero();
     for (int r = 0; r < count; ++r, ++row) {
-      *row = left[r];
-      if (inlet.keeps_v) {
-        const RootRow<Scalar> terms = *row * T;
-        size += terms.abs();
-        (*row)(along_S) = (terms(0) + terms(1) + terms(2)) + (terms(3) + terms(4) + terms(5));
-      }
-      shift_row<scene.velocity>(*row, state.r, state.c);
+      size += left[r].abs();
+      *row = moved(left[r], move);
+    }
+    if (inlet.keeps_v) {
+      for (int k = 0; k < 6; ++k) { inlet.scale += size(k) * abs(T(k)); }
     }
     if (body_rows > 0) {
       const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-      Vector6<Scalar> column = Vector6<Scalar>::Zero();
-      if (inlet.keeps_v) { column = shift_twist(state.r, inlet.S); }
+      const Vector6<Scalar> column = inlet.keeps_v ? shift_twist(state.r, inlet.S) : none;
       Scalar scale;
       place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
       if (inlet.keeps_v) { inlet.scale += scale; }
-      for (int r = 0; r < body_rows; ++r, ++row) { shift_row<scene.velocity>(*row, state.r, state.c); }
+      Vector6<Scalar> c = none;
+      if constexpr (scene.velocity) { c.template head<3>() = state.c; }
+      const RowMove<Scalar> body_move = row_move(state.r, c, none);
+      for (int r = 0; r < body_rows; ++r, ++row) { *row = moved(*row, body_move); }
     }
   };
+  inlet.heaviest = larger(inlet.heaviest, heaviest<S>(node, ws));
+  if (body_rows > 0) { inlet.heaviest = larger(inlet.heaviest, body.root_mass); }
   const int rows = inlet.rows + count + body_rows;
   if (rows <= capacity) {
     stack_on(inlet.row.data() + inlet.rows);
@@ -103,7 +128,6 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
     std::array<int, 6> pivot;
     inlet.rows = compress<6, most>(stack.data(), rows, inlet.row.data(), pivot);
   }
-  if (inlet.keeps_v) { inlet.scale += (size(0) + size(1) + size(2)) + (size(3) + size(4) + size(5)); }
 }
 
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
@@ -117,7 +141,8 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   constexpr int n_i = S::n_i;
   constexpr bool keeps_v = one_column<S, Workspace>;
   constexpr int n_within = rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
-  constexpr int most = RootInertia<Scalar>::most * S::n_frames + n_within + abreast;
+  constexpr int room = RootInertia<Scalar>::most * S::n_frames + n_within;
+  constexpr int most = room + abreast;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   NodeState<S>& state = ws.template node<S>(node);
 
@@ -194,24 +219,16 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     }
   }
 
-  // One frame and nothing within: A'S = 0, and one row less for each coordinate.
-  const bool annihilated = S::n_frames == 1 && n_put == 0;
-  constexpr int rank = S::n_frames == 1 && n_within == 0 ? 6 - n_i : 6;
-  std::array<RootRow<Scalar>, 1 + rank> result;
-  RootRow<Scalar>* top = rows;
-  int left = 0;
+  const bool annihilated = S::n_frames == 1 && n_put == 0;  // one frame and nothing within: A'S = 0
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
-    std::array<int, 1 + rank> pivot;
-    constexpr std::size_t room = std::tuple_size_v<decltype(RootInertia<Scalar>::row)>;
-    left = compress<1 + rank, room, along_S>(rows, count, result.data(), pivot, annihilated ? 6 : 7) - 1;
-    top = result.data();
-    for (int r = 0; r <= left && has_known; ++r) { subtract_known(top[r], ws.frame(node.frame).bias); }
-    v[0](0) = top[0](along_S);
+    eliminate_along(rows, count);
+    v[0](0) = rows[0](along_S);
     C(0, 0) = Scalar(1) / v[0](0);
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
-    regular = left >= 0 && ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
+    regular = count > 0 && ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
+    if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }
   } else if constexpr (is_free<S>()) {
     regular = eliminate_free<Scalar, most>(own_rows, count, state.S_k[0], v, C);
   } else {
@@ -220,26 +237,32 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     C.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-    left = 0;
+    count = n_i;  // no row is left
   }
-  for (int k = 0; k < n_i; ++k) {
-    const VectorI& t = v[static_cast<std::size_t>(k)];
-    for (int e = 0; e < n_i; ++e) {
-      for (int d = 0; d < n_i; ++d) {
-        state.MbarR_inv(d, e) = (k > 0 ? state.MbarR_inv(d, e) : Scalar(0)) + C(d, k) * C(e, k);
-        state.MbarR(d, e) = (k > 0 ? state.MbarR(d, e) : Scalar(0)) + t(d) * t(e);
+  const auto t = [&](int k, int d) -> const Scalar& { return v[static_cast<std::size_t>(k)](d); };
+  for (int d = 0; d < n_i; ++d) {
+    for (int e = 0; e <= d; ++e) {
+      Scalar D = t(0, d) * t(0, e), D_inv = C(d, 0) * C(e, 0);
+      for (int k = 1; k < n_i; ++k) {
+        D += t(k, d) * t(k, e);
+        D_inv += C(d, k) * C(e, k);
       }
+      state.MbarR(d, e) = state.MbarR(e, d) = D;
+      state.MbarR_inv(d, e) = state.MbarR_inv(e, d) = D_inv;
     }
-    for (int d = 0; d < n_i; ++d) {
-      for (int j = 0; j < 6; ++j) { state.U(j, d) = (k > 0 ? state.U(j, d) : Scalar(0)) + t(d) * top[k](j); }
-      for (int j = 0; j < 6 && !is_free<S>(); ++j) {
-        state.W(d, j) = (k > 0 ? state.W(d, j) : Scalar(0)) + C(d, k) * top[k](j);
-      }
+    RootRow<Scalar> U = rows[0] * t(0, d), W = rows[0] * C(d, 0);
+    for (int k = 1; k < n_i; ++k) {
+      U += rows[k] * t(k, d);
+      W += rows[k] * C(d, k);
+    }
+    for (int j = 0; j < 6; ++j) {
+      state.U(j, d) = U(j);
+      if constexpr (!is_free<S>()) { state.W(d, j) = W(j); }
     }
   }
   state.psi = product(state.MbarR_inv, hq);
   for (int d = 0; d < n_i; ++d) {
-    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * top[k](rhs); }
+    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[k](rhs); }
   }
   if constexpr (is_free<S>()) {
     state.W = state.S_k[0].transpose();
@@ -252,12 +275,19 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     }
     share_axis<S>(node, state, annihilated, ws);
     put_wrench<S>(node, state, hg, ws.load()(node.v), ws);
-    if constexpr (!keeps_v) {
-      std::array<int, rank> pivot;
-      left = compress<rank, most>(rows + n_i, std::max(0, count - n_i), result.data(), pivot);
-      top = result.data() - 1;
+    const RootRow<Scalar>* left = rows + n_i;
+    int left_rows = count - n_i;
+    std::array<RootRow<Scalar>, 6> compressed;
+    const RootInertia<Scalar>& inlet = ws.root(node.inlet);
+    const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
+    if (light || inlet.rows + left_rows > inlet.loose) {
+      std::array<int, 6> pivot;
+      const int rank = annihilated ? 6 - n_i : 6;
+      left_rows = compress<6, room>(left, left_rows, compressed.data(), pivot, rank);
+      left = compressed.data();
     }
-    stack_on_inlet<scene>(node, state, top + 1, left, true, ws);
+    const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
+    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, known);
   }
 }
 

@@ -112,9 +112,9 @@ template <class Scalar>
   return {xc > xd ? c : d, xc > xd ? xc : xd};
 }
 
-/// Order of the rows by size, largest first; `top` before them all. Counts instead of swapping: no branch to guess.
+/// Order of the rows by size, largest first. Counts instead of swapping: no branch to guess.
 template <std::size_t most, class Scalar>
-[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, int top, RootRow<Scalar>* sorted)
+[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* sorted)
 {
   constexpr std::size_t padded = (most + 7) / 8 * 8;
   std::array<Scalar, padded> size;
@@ -123,7 +123,6 @@ template <std::size_t most, class Scalar>
   const std::size_t end = (rows + 7) / 8 * 8;
   for (std::size_t r = 0; r < rows; ++r) { size[r] = size_of(stack[r]); }
   for (std::size_t r = rows; r < end; ++r) { size[r] = Scalar(-1); }
-  if (top >= 0) { size[static_cast<std::size_t>(top)] = Eigen::NumTraits<Scalar>::highest(); }
   for (std::size_t l = 0; l < end; ++l) { place[l] = 0; }
   for (std::size_t r = 0; r < rows; ++r) {
     const Scalar other = size[r];
@@ -134,29 +133,42 @@ template <std::size_t most, class Scalar>
   for (std::size_t r = 0; r < rows; ++r) { sorted[place[r]] = stack[r]; }
 }
 
+/// Q of square_root.hpp where v is one column, in the last lane of the rows: rows[0] becomes [N₁ | z₁ | T], the others
+/// [N' | z' | 0]. Changes up to `abreast` rows behind them.
+template <class Scalar>
+[[gnu::always_inline]] inline void eliminate_along(RootRow<Scalar>* rows, int count)
+{
+  using std::abs;
+  for (int r = count; r < count + abreast; ++r) { rows[r].setZero(); }
+  const auto v = [&](int r) -> const Scalar& { return rows[r](along_S); };
+  int largest = 0;
+  for (int r = 1; r < count; ++r) { largest = abs(v(r)) > abs(v(largest)) ? r : largest; }
+  const RootRow<Scalar> sum = weighted_sum(rows, count, v);
+  if (!(sum(along_S) > Scalar(0))) { return; }  // v = 0
+  const RootRow<Scalar> above = rows[largest];
+  rows[largest] = rows[0];
+  Scalar top = above(along_S);
+  const auto [alpha, factor] = reflector(&top, sum(along_S));
+  RootRow<Scalar> w = (sum - above * alpha) * factor;
+  w(along_S) = Scalar(1);  // v − 1·v is an exact zero
+  rows[0] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation
+  subtract(rows + 1, count - 1, w, [&](int r) -> const Scalar& { return v(r + 1); });
+}
+
 /// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
 /// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
-/// `first` = along_S: Q of the file's head. The first column is v, its largest entry above all, and result[0] is
-/// [N₁ | z₁ | T]; the rows after it are [N' | z' | 0].
-template <int steps, std::size_t most, int first = -1, class Scalar>
+template <int steps, std::size_t most, class Scalar>
 int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
              std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
 {
   count = std::min(count, static_cast<int>(most));
   rank = std::min(std::min(rank, steps), count);
-  int top_row = -1;
-  if constexpr (first >= 0) {
-    std::array<Scalar, most> v;
-    for (int r = 0; r < count; ++r) { v[static_cast<std::size_t>(r)] = stack[r](first); }
-    top_row = largest(v.data(), count);
-  }
   std::array<RootRow<Scalar>, most + abreast> sorted;
-  sort_rows<most>(stack, count, top_row, sorted.data());
+  sort_rows<most>(stack, count, sorted.data());
   for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
   RootRow<Scalar> square =
       weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
   auto [column, most_left] = largest_of_six(square);
-  if constexpr (first >= 0) { column = first; }
   for (int k = 0; k < rank; ++k) {
     RootRow<Scalar>* rows = sorted.data() + k;
     const int active = count - k;

@@ -29,14 +29,19 @@
 
 namespace iim::detail {
 
-/// [N | z] of what one frame carries: its own body's rows as they are, six or fewer of each child. Room for two children
-/// before anything has to be compressed; reducing own and child's rows to six before v is eliminated gains no digit.
+/// [N | z] of what one frame carries: its own body's rows as they are, and those of its children. Rows are compressed where
+/// there would be more than `loose`: a reflection takes as long for twenty rows as for ten, since each waits for the one
+/// before, and of three joints in a row only one needs seven (27 % of q̈₀ and B̂ of the biped). More rows than rank have a
+/// residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and rows are compressed.
 template <class Scalar>
 struct RootInertia {
-  static constexpr int most = 18;
+  static constexpr int loose = 26;
+  static constexpr int most = loose + 6;
   static constexpr int within = 4;  ///< and for rotors and springs
-  std::array<RootRow<Scalar>, most + within> row;
+  std::array<RootRow<Scalar>, most + within + abreast> row;
   int rows = 0;
+  static constexpr int outweighed = 3;  ///< by a factor of nine in mass
+  Scalar heaviest;       ///< √m of the heaviest body in the rows
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
   Scalar scale;          ///< and Σ |v| as if nothing had cancelled in it
@@ -128,17 +133,37 @@ template <bool velocity, Along along, class Scalar>
                                                RootInertia<Scalar>& N)
 {
   N.rows = body.rows;
+  N.heaviest = body.root_mass;
   place_roots<velocity, along>(body, R, r, omega, N.S, N.row.data(), N.scale);
 }
 
-/// The same rows seen from the inlet's reference point: N X(r), z − N c. c is what velocities add at the outer point.
-template <bool velocity, class Scalar>
-[[gnu::always_inline]] inline void shift_row(RootRow<Scalar>& n, const Vector3<Scalar>& r, const Vector3<Scalar>& c)
+/// How a row changes where it is stacked on the inlet: n + Σ_k n(k) move[k] is N X(r), z − N known, v + n T.
+template <class Scalar>
+using RowMove = std::array<RootRow<Scalar>, 6>;
+
+template <class Scalar>
+[[gnu::always_inline]] inline RowMove<Scalar> row_move(const Vector3<Scalar>& r, const Vector6<Scalar>& known,
+                                                       const Vector6<Scalar>& T)
 {
-  if constexpr (velocity) { n(rhs) -= n(0) * c(0) + n(1) * c(1) + n(2) * c(2); }
-  n(3) += r(1) * n(2) - r(2) * n(1);
-  n(4) += r(2) * n(0) - r(0) * n(2);
-  n(5) += r(0) * n(1) - r(1) * n(0);
+  const Scalar zero(0);
+  RowMove<Scalar> move;
+  move[0] << zero, zero, zero, zero, r(2), -r(1), -known(0), T(0);
+  move[1] << zero, zero, zero, -r(2), zero, r(0), -known(1), T(1);
+  move[2] << zero, zero, zero, r(1), -r(0), zero, -known(2), T(2);
+  for (int k = 3; k < 6; ++k) {
+    move[static_cast<std::size_t>(k)] << zero, zero, zero, zero, zero, zero, -known(k), T(k);
+  }
+  return move;
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline RootRow<Scalar> moved(const RootRow<Scalar>& n, const RowMove<Scalar>& move)
+{
+  RootRow<Scalar> a = n, b = move[3] * n(3);
+  a += move[0] * n(0), b += move[4] * n(4);
+  a += move[1] * n(1), b += move[5] * n(5);
+  a += move[2] * n(2);
+  return a + b;
 }
 
 /// z − N a for an acceleration a that is already known.
