@@ -42,6 +42,20 @@ SpatialInertia<double> random_inertia()
   return inertia;
 }
 
+Eigen::Matrix<double, 6, 2> dense(const detail::SixColumns<double, 2>& U)
+{
+  Eigen::Matrix<double, 6, 2> m;
+  for (int d = 0; d < 2; ++d) { U[d].put(&m(0, d)); }
+  return m;
+}
+
+/// Wᵀ by columns.
+detail::SixColumns<double, 2> six_columns(const Eigen::Matrix<double, 2, 6>& W)
+{
+  const Eigen::Matrix<double, 6, 2> Wt = W.transpose();
+  return {{detail::TriplePair<double>(&Wt(0, 0)), detail::TriplePair<double>(&Wt(0, 1))}};
+}
+
 // A few roundings of numbers of size one to ten.
 constexpr double tolerance = 64 * std::numeric_limits<double>::epsilon();
 
@@ -69,19 +83,21 @@ TEST_CASE("the projected inertia is the congruence, and what the printed update 
   for (int k = 0; k < 20; ++k) {
     const SpatialInertia<double> A = random_inertia();
     const auto S = random<Eigen::Matrix<double, 6, 2>>();
-    Eigen::Matrix<double, 6, 2> U;
-    detail::inertia_times<all>(A, S, U);
+    detail::SixColumns<double, 2> columns;
+    detail::inertia_times<all>(A, S, columns);
+    const Eigen::Matrix<double, 6, 2> U = dense(columns);
     CHECK((U - A.dense() * S).norm() < tolerance);
     const auto W = random<Eigen::Matrix<double, 2, 6>>();
     const Matrix6<double> P = Matrix6<double>::Identity() - S * W;
-    CHECK((detail::projected<all>(A, S, U, W).dense() - P.transpose() * A.dense() * P).norm() < 8 * tolerance);
+    CHECK((detail::projected<all>(A, S, columns, six_columns(W)).dense() - P.transpose() * A.dense() * P).norm() <
+          8 * tolerance);
     SpatialInertia<double> printed = A;
     const Eigen::Matrix<double, 2, 6> gain = (S.transpose() * U).inverse() * U.transpose();
-    detail::subtract_product(U, gain, printed);
+    detail::subtract_product(columns, six_columns(gain), printed);
     CHECK((printed.dense() - (A.dense() - U * gain)).norm() < tolerance * (1 + U.norm() * gain.norm()));
     const auto z = random<Vector6<double>>();
     SpatialInertia<double> square = A;
-    detail::add_square(3.0, z, square);
+    detail::add_square(3.0, detail::TriplePair<double>(z.data()), square);
     CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < tolerance);
   }
 }

@@ -11,31 +11,37 @@
 
 namespace iim::detail {
 
+/// U, W: a column of six numbers (of Wᵀ) for each velocity.
+template <class Scalar, int n>
+struct SixColumns {
+  std::array<TriplePair<Scalar>, static_cast<std::size_t>(n)> column;
+
+  [[gnu::always_inline]] TriplePair<Scalar>& operator[](int d) { return column[static_cast<std::size_t>(d)]; }
+  [[gnu::always_inline]] const TriplePair<Scalar>& operator[](int d) const { return column[static_cast<std::size_t>(d)]; }
+  [[gnu::always_inline]] decltype(auto) operator()(int i, int d) const { return (*this)[d](i); }
+};
+
+/// Rows 0 … 2 or 3 … 5 of a column.
+template <int first, class Scalar, int n>
+struct ColumnPart {
+  const Eigen::Matrix<Scalar, 6, n>& S;
+  int d;
+  [[gnu::always_inline]] const Scalar& operator()(int i) const { return S(first + i, d); }
+};
+
 /// U = A S.
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void inertia_times(const SpatialInertia<Scalar>& A, const Eigen::Matrix<Scalar, 6, n>& S,
-                                                 Eigen::Matrix<Scalar, 6, n>& U)
+                                                 SixColumns<Scalar, n>& U)
 {
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
-    const Vector3<Scalar> v(S(0, d), S(1, d), S(2, d));
-    const Vector3<Scalar> w(S(3, d), S(4, d), S(5, d));
-    Vector3<Scalar> f, m;
+    TriplePair<Scalar>& u = U[d];
     if constexpr (pattern.angular) {
-      f = A.force_of_angular(w);
-      m = A.moment_of_angular(w);
-      if constexpr (pattern.linear) {
-        add(f, A.force_of_linear(v));
-        add(m, A.moment_of_linear(v));
-      }
+      u = A.of_angular(ColumnPart<3, Scalar, n>{S, d});
+      if constexpr (pattern.linear) { u += A.of_linear(ColumnPart<0, Scalar, n>{S, d}); }
     } else {
-      f = A.force_of_linear(v);
-      m = A.moment_of_linear(v);
-    }
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) {
-      U(i, d) = f(i);
-      U(i + 3, d) = m(i);
+      u = A.of_linear(ColumnPart<0, Scalar, n>{S, d});
     }
   }
 }
@@ -61,16 +67,29 @@ template <MotionPattern pattern, class Scalar, int n>
   return column_dot<pattern>(S, d, x(0), x(1), x(2), x(3), x(4), x(5));
 }
 
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d, const TriplePair<Scalar>& x)
+{
+  const Scalar* column = S.data() + 6 * d;
+  if constexpr (pattern.linear && pattern.angular) {
+    return dot(Triple<Scalar>(column), x.linear) + dot(Triple<Scalar>(column + 3), x.angular);
+  } else if constexpr (pattern.angular) {
+    return dot(Triple<Scalar>(column + 3), x.angular);
+  } else {
+    return dot(Triple<Scalar>(column), x.linear);
+  }
+}
+
 /// D += Sᵀ U.
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_joint_inertia(const Eigen::Matrix<Scalar, 6, n>& S,
-                                                     const Eigen::Matrix<Scalar, 6, n>& U, Eigen::Matrix<Scalar, n, n>& D)
+                                                     const SixColumns<Scalar, n>& U, Eigen::Matrix<Scalar, n, n>& D)
 {
 #pragma GCC unroll 8
   for (int e = 0; e < n; ++e) {
 #pragma GCC unroll 8
     for (int d = e; d < n; ++d) {
-      D(d, e) += column_dot<pattern>(S, d, U(0, e), U(1, e), U(2, e), U(3, e), U(4, e), U(5, e));
+      D(d, e) += column_dot<pattern>(S, d, U[e]);
       if (d != e) { D(e, d) = D(d, e); }
     }
   }
@@ -103,8 +122,8 @@ template <MotionPattern pattern, class Scalar, int n>
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
                                                                const Eigen::Matrix<Scalar, 6, n>& S,
-                                                               const Eigen::Matrix<Scalar, 6, n>& U,
-                                                               const Eigen::Matrix<Scalar, n, 6>& W)
+                                                               const SixColumns<Scalar, n>& U,
+                                                               const SixColumns<Scalar, n>& W)
 {
   // B in blocks [ M H ; G J ]; rows that neither Sᵀ B nor the upper half of the result needs are left to the compiler.
   Matrix3<Scalar> M, H, G, J;
@@ -112,16 +131,16 @@ template <MotionPattern pattern, class Scalar, int n>
   for (int j = 0; j < 3; ++j) {
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
-      M(i, j) = A.M(i, j) - U(i, 0) * W(0, j);
-      H(i, j) = A.H(i, j) - U(i, 0) * W(0, j + 3);
-      G(i, j) = A.H(j, i) - U(i + 3, 0) * W(0, j);
-      J(i, j) = A.J(i, j) - U(i + 3, 0) * W(0, j + 3);
+      M(i, j) = A.M(i, j) - U(i, 0) * W(j, 0);
+      H(i, j) = A.H(i, j) - U(i, 0) * W(j + 3, 0);
+      G(i, j) = A.H(j, i) - U(i + 3, 0) * W(j, 0);
+      J(i, j) = A.J(i, j) - U(i + 3, 0) * W(j + 3, 0);
 #pragma GCC unroll 8
       for (int d = 1; d < n; ++d) {
-        M(i, j) -= U(i, d) * W(d, j);
-        H(i, j) -= U(i, d) * W(d, j + 3);
-        G(i, j) -= U(i + 3, d) * W(d, j);
-        J(i, j) -= U(i + 3, d) * W(d, j + 3);
+        M(i, j) -= U(i, d) * W(j, d);
+        H(i, j) -= U(i, d) * W(j + 3, d);
+        G(i, j) -= U(i + 3, d) * W(j, d);
+        J(i, j) -= U(i + 3, d) * W(j + 3, d);
       }
     }
   }
@@ -144,20 +163,65 @@ template <MotionPattern pattern, class Scalar, int n>
       const Scalar w = column_dot<pattern>(S, d, H(0, j), H(1, j), H(2, j), J(0, j), J(1, j), J(2, j));
 #pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) {
-        result.M(i, j) -= W(d, i) * v;
-        result.J(i, j) -= W(d, i + 3) * w;
+        result.M(i, j) -= W(i, d) * v;
+        result.J(i, j) -= W(i + 3, d) * w;
       }
 #pragma GCC unroll 8
-      for (int i = 0; i < 3; ++i) { result.H(i, j) -= W(d, i) * w; }
+      for (int i = 0; i < 3; ++i) { result.H(i, j) -= W(i, d) * w; }
     }
   }
   return result;
 }
 
+/// The same by columns. [ M G' ; H J ]: the columns of H are the rows of the lower half, which Sᵀ B needs and which a joint
+/// that turns leaves zero along its axis.
+template <MotionPattern pattern, class Scalar, int n>
+  requires is_machine_number<Scalar>
+[[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
+                                                               const Eigen::Matrix<Scalar, 6, n>& S,
+                                                               const SixColumns<Scalar, n>& U,
+                                                               const SixColumns<Scalar, n>& W)
+{
+  SpatialInertia<Scalar> B = A;
+  [[maybe_unused]] ColumnBlock<Scalar> G;  // rows of the upper right block
+  if constexpr (pattern.linear) { G = A.H.transposed(); }
+#pragma GCC unroll 8
+  for (int d = 0; d < n; ++d) {
+    B.M.subtract_dyad(W[d].linear, U[d].linear);
+    B.H.subtract_dyad(W[d].linear, U[d].angular);
+    B.J.subtract_dyad(W[d].angular, U[d].angular);
+    if constexpr (pattern.linear) { G.subtract_dyad(W[d].angular, U[d].linear); }
+  }
+  SixColumns<Scalar, n> t;  // (Sᵀ B)ᵀ
+#pragma GCC unroll 8
+  for (int d = 0; d < n; ++d) {
+    if constexpr (pattern.angular) {
+      t[d] = {B.H.times(S(3, d), S(4, d), S(5, d)), B.J.times(S(3, d), S(4, d), S(5, d))};
+      if constexpr (pattern.linear) {
+        t[d] += {B.M.times(S(0, d), S(1, d), S(2, d)), G.times(S(0, d), S(1, d), S(2, d))};
+      }
+    } else {
+      t[d] = {B.M.times(S(0, d), S(1, d), S(2, d)), G.times(S(0, d), S(1, d), S(2, d))};
+    }
+  }
+#pragma GCC unroll 8
+  for (int d = 0; d < n; ++d) {
+    B.M.subtract_dyad(t[d].linear, W[d].linear);
+    B.J.subtract_dyad(t[d].angular, W[d].angular);
+    if constexpr (pattern.angular) {
+      B.H.subtract_dyad(t[d].linear, W[d].angular);
+    } else {
+      G.subtract_dyad(t[d].angular, W[d].linear);
+    }
+  }
+  if constexpr (!pattern.angular) { B.H = G.transposed(); }
+  return B;
+}
+
 /// A −= U W, upper half: the update as (14) and (16) print it.
 template <class Scalar, int n>
-[[gnu::always_inline]] inline void subtract_product(const Eigen::Matrix<Scalar, 6, n>& U,
-                                                    const Eigen::Matrix<Scalar, n, 6>& W, SpatialInertia<Scalar>& A)
+[[gnu::always_inline]] inline void subtract_product(const SixColumns<Scalar, n>& U, const SixColumns<Scalar, n>& W,
+                                                    SpatialInertia<Scalar>& A)
 {
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
@@ -165,18 +229,31 @@ template <class Scalar, int n>
     for (int j = 0; j < 3; ++j) {
 #pragma GCC unroll 8
       for (int i = 0; i <= j; ++i) {
-        A.M(i, j) -= U(i, d) * W(d, j);
-        A.J(i, j) -= U(i + 3, d) * W(d, j + 3);
+        A.M(i, j) -= U(i, d) * W(j, d);
+        A.J(i, j) -= U(i + 3, d) * W(j + 3, d);
       }
 #pragma GCC unroll 8
-      for (int i = 0; i < 3; ++i) { A.H(i, j) -= U(i, d) * W(d, j + 3); }
+      for (int i = 0; i < 3; ++i) { A.H(i, j) -= U(i, d) * W(j + 3, d); }
     }
+  }
+}
+
+template <class Scalar, int n>
+  requires is_machine_number<Scalar>
+[[gnu::always_inline]] inline void subtract_product(const SixColumns<Scalar, n>& U, const SixColumns<Scalar, n>& W,
+                                                    SpatialInertia<Scalar>& A)
+{
+#pragma GCC unroll 8
+  for (int d = 0; d < n; ++d) {
+    A.M.subtract_dyad(U[d].linear, W[d].linear);
+    A.H.subtract_dyad(U[d].linear, W[d].angular);
+    A.J.subtract_dyad(U[d].angular, W[d].angular);
   }
 }
 
 /// A += weight z zᵀ.
 template <class Scalar>
-[[gnu::always_inline]] inline void add_square(const Scalar& weight, const Vector6<Scalar>& z, SpatialInertia<Scalar>& A)
+[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z, SpatialInertia<Scalar>& A)
 {
 #pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
@@ -190,6 +267,16 @@ template <class Scalar>
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { A.H(i, j) += z(i) * w; }
   }
+}
+
+template <class Scalar>
+  requires is_machine_number<Scalar>
+[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z, SpatialInertia<Scalar>& A)
+{
+  const TriplePair<Scalar> weighted{z.linear * weight, z.angular * weight};
+  A.M.add_dyad(weighted.linear, z.linear);
+  A.H.add_dyad(weighted.linear, z.angular);
+  A.J.add_dyad(weighted.angular, z.angular);
 }
 
 /// Newton–Euler (A1), (A2) of the bodies on one frame, in world axes about the coupling point: inertia A, and with
@@ -223,7 +310,7 @@ template <bool offset, bool velocity, class Scalar>
   }
   A.set_rigid(body.mass, mc, Theta);
   if constexpr (velocity) {
-    set(h, cross(omega, cross(omega, mc)), cross(omega, A.moment_of_angular(omega)));
+    set(h, cross(omega, cross(omega, mc)), cross(omega, Theta * omega));
   } else {
     h.setZero();
   }

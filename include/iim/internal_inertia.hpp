@@ -62,14 +62,25 @@ template <Scene scene, class S, class N, class RotorType, class Workspace>
   return spun;
 }
 
-/// The moment of a turning spin momentum on the guidance part and, if the carrier moves with q_i, on q_i.
-template <class S, class RotorType>
-[[gnu::always_inline]] inline void add_gyroscopic(const SpunRotor<S>& spun, const RotorType& rotor,
-                                                  const NodeState<S>& state, Vector6<typename S::Scalar>& hg,
-                                                  Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
+template <class Scalar>
+[[gnu::always_inline]] inline void add_moment(Vector6<Scalar>& wrench, const Vector3<Scalar>& moment)
 {
 #pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) { hg(i + 3) += spun.moment(i); }
+  for (int i = 0; i < 3; ++i) { wrench(i + 3) += moment(i); }
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void add_moment(TriplePair<Scalar>& wrench, const Vector3<Scalar>& moment)
+{
+  wrench.angular += triple(moment);
+}
+
+/// The moment of a turning spin momentum on the guidance part and, if the carrier moves with q_i, on q_i.
+template <class S, class RotorType, class Wrench>
+[[gnu::always_inline]] inline void add_gyroscopic(const SpunRotor<S>& spun, const RotorType& rotor,
+                                                  const NodeState<S>& state, Wrench& hg,
+                                                  Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
+{
+  add_moment(hg, spun.moment);
   if (rotor.frame < 0) { return; }
   const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
 #pragma GCC unroll 8

@@ -16,37 +16,14 @@
 
 namespace iim::detail {
 
-/// p += A (a; 0).
-template <class Scalar>
-[[gnu::always_inline]] inline void add_wrench_of_linear(const SpatialInertia<Scalar>& A, const Vector3<Scalar>& a,
-                                                        Vector6<Scalar>& p)
-{
-  const Vector3<Scalar> force = A.force_of_linear(a);
-  const Vector3<Scalar> moment = A.moment_of_linear(a);
-#pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) {
-    p(i) += force(i);
-    p(i + 3) += moment(i);
-  }
-}
-
 /// Bias wrench of what a frame carries: h + A bias.
 template <Scene scene, class S>
-[[gnu::always_inline]] inline Vector6<typename S::Scalar> bias_wrench(const FrameState<typename S::Scalar>& f)
+[[gnu::always_inline]] inline TriplePair<typename S::Scalar> bias_wrench(const FrameState<typename S::Scalar>& f)
 {
   using Scalar = typename S::Scalar;
-  Vector6<Scalar> p = f.h;
-  if constexpr (has_bias<scene, S>(0)) { add_wrench_of_linear(f.A, linear(f.bias), p); }
-  if constexpr (has_bias<scene, S>(3)) {
-    const Vector3<Scalar> a = angular(f.bias);
-    const Vector3<Scalar> force = f.A.force_of_angular(a);
-    const Vector3<Scalar> moment = f.A.moment_of_angular(a);
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) {
-      p(i) += force(i);
-      p(i + 3) += moment(i);
-    }
-  }
+  TriplePair<Scalar> p(f.h.data());
+  if constexpr (has_bias<scene, S>(0)) { p += f.A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
+  if constexpr (has_bias<scene, S>(3)) { p += f.A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
   return p;
 }
 
@@ -54,7 +31,7 @@ template <Scene scene, class S>
 template <Scene scene, class S, class N, class Workspace>
 [[gnu::always_inline]] inline void add_inlet_bodies(const N& node, const NodeState<S>& state, const Workspace& ws,
                                                     SpatialInertia<typename S::Scalar>& A,
-                                                    Vector6<typename S::Scalar>& h)
+                                                    TriplePair<typename S::Scalar>& h)
 {
   using Scalar = typename S::Scalar;
   const FrameMass<Scalar>& body = ws.tree().inlet_mass(node.index);
@@ -64,7 +41,7 @@ template <Scene scene, class S, class N, class Workspace>
   const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
   place_bodies<false, scene.velocity>(body, state.R, at_inlet, ws.frame(node.inlet).omega, A_body, h_body);
   A += A_body;
-  add(h, h_body);
+  h += TriplePair<Scalar>(h_body.data());
 }
 
 /// What the inertia on the frames has been reduced from, as the inlet sees it.
@@ -85,6 +62,20 @@ template <class S, class N, class Workspace>
   }
 }
 
+/// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling point
+/// that comes with the inlet turning.
+template <Scene scene, class Scalar>
+[[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench, const Vector3<Scalar>& c,
+                                           const Vector3<Scalar>& r, FrameState<Scalar>& inlet)
+{
+  TriplePair<Scalar> p = wrench;
+  if constexpr (scene.velocity) { p += A.of_linear(c); }
+  p.angular += cross(triple(r), p.linear);
+  p += TriplePair<Scalar>(inlet.h.data());
+  p.put(inlet.h.data());
+  inlet.A.add_shifted(A, r);
+}
+
 /// Matrix form.
 template <Scene scene, class S, class N, class Workspace>
 void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
@@ -95,13 +86,13 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   constexpr int n_frames = S::n_frames;
   constexpr int n_rotors = rotor_count<S>();
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
-  using Columns = Eigen::Matrix<Scalar, 6, n_i>;
+  using Columns = SixColumns<Scalar, n_i>;
   NodeState<S>& state = ws.template node<S>(node);
 
   // U, D, h_g, h_q over the frames.
   std::array<Columns, n_frames> U_k;
   Eigen::Matrix<Scalar, n_i, n_i> D;
-  Vector6<Scalar> hg;
+  TriplePair<Scalar> hg;
   VectorI hq, scale;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
@@ -117,18 +108,21 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     inertia_times<pattern>(f.A, state.S_k[at], U_k[at]);
     add_joint_inertia<pattern>(state.S_k[at], U_k[at], D);
     add_scale<pattern>(f, state.S_k[at], scale);
-    const Vector6<Scalar> p = bias_wrench<scene, S>(f);
+    const TriplePair<Scalar> p = bias_wrench<scene, S>(f);
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
     if (k == 0) {
       hg = p;
     } else {
-      add(hg, p);
+      hg += p;
     }
   }
   Columns U = U_k[0];
 #pragma GCC unroll 2
-  for (int k = 1; k < n_frames; ++k) { U += U_k[static_cast<std::size_t>(k)]; }
+  for (int k = 1; k < n_frames; ++k) {
+#pragma GCC unroll 8
+    for (int d = 0; d < n_i; ++d) { U[d] += U_k[static_cast<std::size_t>(k)][d]; }
+  }
 
   // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
   std::array<SpunRotor<S>, n_rotors> spun;
@@ -142,14 +136,12 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
         const Scalar Je = spun[k].J * spun[k].e(d);
 #pragma GCC unroll 8
         for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
-#pragma GCC unroll 8
-        for (int i = 0; i < 3; ++i) { U(i + 3, d) += Je * spun[k].a(i); }
+        U[d].angular += triple(spun[k].a) * Je;
         scale(d) += Je * spun[k].e(d);
         hq(d) += Jb * spun[k].e(d);
       }
       if constexpr (scene.velocity) {
-#pragma GCC unroll 8
-        for (int i = 0; i < 3; ++i) { hg(i + 3) += Jb * spun[k].a(i); }
+        hg.angular += triple(spun[k].a) * Jb;
         add_gyroscopic(spun[k], rotors[k], state, hg, hq);
       }
     }
@@ -167,23 +159,22 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
   state.MbarR = D;
-  state.U = U;
   state.psi = product(state.MbarR_inv, hq);
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
   if constexpr (is_free<S>()) {
     state.W = state.S_k[0].transpose();
     return;  // nothing passes on: A' = 0, p' = 0
   }
-  Eigen::Matrix<Scalar, n_i, 6> W;
+  Columns W;
 #pragma GCC unroll 8
-  for (int j = 0; j < 6; ++j) {
+  for (int d = 0; d < n_i; ++d) {
+    W[d] = U[0] * state.MbarR_inv(d, 0);
 #pragma GCC unroll 8
-    for (int d = 0; d < n_i; ++d) {
-      W(d, j) = state.MbarR_inv(d, 0) * U(j, 0);
+    for (int e = 1; e < n_i; ++e) { W[d] += U[e] * state.MbarR_inv(d, e); }
 #pragma GCC unroll 8
-      for (int e = 1; e < n_i; ++e) { W(d, j) += state.MbarR_inv(d, e) * U(j, e); }
-    }
+    for (int j = 0; j < 6; ++j) { state.W(d, j) = W[d](j); }
   }
-  state.W = W;
   if (node.inlet < 0) { return; }
 
   // What the parent sees, before the shift to its own point.
@@ -198,26 +189,18 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
   for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
   for (const SpunRotor<S>& rotor : spun) {
-    Vector6<Scalar> z;
-    set(z, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
+    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), triple(rotor.a));
     if constexpr (Workspace::update == Update::projected) {
 #pragma GCC unroll 8
-      for (int j = 0; j < 6; ++j) {
-#pragma GCC unroll 8
-        for (int d = 0; d < n_i; ++d) { z(j) -= rotor.e(d) * W(d, j); }
-      }
+      for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
     }
     add_square(rotor.J, z, A);
   }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     for (const auto& spring : state.springs) {
-      Vector6<Scalar> z;
+      TriplePair<Scalar> z = W[0] * spring.ratio(0);
 #pragma GCC unroll 8
-      for (int j = 0; j < 6; ++j) {
-        z(j) = spring.ratio(0) * W(0, j);
-#pragma GCC unroll 8
-        for (int d = 1; d < n_i; ++d) { z(j) += spring.ratio(d) * W(d, j); }
-      }
+      for (int d = 1; d < n_i; ++d) { z += W[d] * spring.ratio(d); }
       add_square(spring.inertia, z, A);
     }
   }
@@ -225,14 +208,8 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
 
   add_inlet_bodies<scene>(node, state, ws, A, hg);
 #pragma GCC unroll 8
-  for (int j = 0; j < 6; ++j) {
-#pragma GCC unroll 8
-    for (int d = 0; d < n_i; ++d) { hg(j) -= W(d, j) * hq(d); }
-  }
-  if constexpr (scene.velocity) { add_wrench_of_linear(A, state.c, hg); }
-  FrameState<Scalar>& inlet = ws.frame(node.inlet);
-  add(inlet.h, shift_wrench(state.r, hg));
-  inlet.A.add_shifted(A, state.r);
+  for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
+  hand_on<scene>(A, hg, state.c, state.r, ws.frame(node.inlet));
   pass_size<S>(node, state.r, ws);
 }
 
@@ -247,18 +224,17 @@ void rigid_inward(const N& node, Workspace& ws)
 #pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    Vector6<Scalar> p = f.h;
     if constexpr (Workspace::update == Update::square_root) {
+      Vector6<Scalar> p = f.h;
       const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
       share_axis<S>(node, state, false, ws);
       put_wrench<S>(node, state, p, Scalar(0), ws);
       stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws);
     } else {
       SpatialInertia<Scalar> A = f.A;
+      TriplePair<Scalar> p(f.h.data());
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, A, p); }
-      if constexpr (scene.velocity) { add_wrench_of_linear(A, state.c, p); }
-      inlet.A.add_shifted(A, state.r);
-      add(inlet.h, shift_wrench(state.r, p));
+      hand_on<scene>(A, p, state.c, state.r, inlet);
     }
   }
   if constexpr (Workspace::update != Update::square_root) { pass_size<S>(node, state.r, ws); }

@@ -4,6 +4,8 @@
 // a Scalar with several lanes can answer for all of them.
 #pragma once
 
+#include <iim/sine_cosine.hpp>
+
 #include <Eigen/Core>
 
 #include <bit>
@@ -55,21 +57,6 @@ struct ScalarTraits<float> {
 };
 
 namespace detail {
-
-/// sin and cos of one angle.
-template <class Scalar>
-void sine_cosine(const Scalar& angle, Scalar& s, Scalar& c)
-{
-  using std::cos;
-  using std::sin;
-  s = sin(angle);
-  c = cos(angle);
-}
-#if defined(__GLIBC__) && defined(__USE_GNU)
-/// One call: compilers join sin and cos only where nothing stands between them (3 % of the biped's O(n) pass).
-inline void sine_cosine(double angle, double& s, double& c) { ::sincos(angle, &s, &c); }
-inline void sine_cosine(float angle, float& s, float& c) { ::sincosf(angle, &s, &c); }
-#endif
 
 template <class Scalar>
 bool is_finite(const Scalar& x)

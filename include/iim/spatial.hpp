@@ -7,6 +7,8 @@
 //     X(r) = [ 1  r̃ᵀ ; 0  1 ]        twist at x + r from the twist at x       (8), r = r_pi
 #pragma once
 
+#include <iim/triple.hpp>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -60,6 +62,12 @@ template <class Scalar>
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { C(i, j) = A(i, 0) * B(0, j) + A(i, 1) * B(1, j) + A(i, 2) * B(2, j); }
   }
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Triple<Scalar> triple(const Vector3<Scalar>& a)
+{
+  return Triple<Scalar>(a(0), a(1), a(2));
 }
 
 /// a += b.
@@ -229,15 +237,23 @@ struct SpatialInertia {
     for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += S(k % 3, k / 3); }
   }
 
-  /// The force rows of A·a for a purely linear (angular) a, and the moment rows.
-  [[gnu::always_inline]] Vector3<Scalar> force_of_linear(const Vector3<Scalar>& a) const { return M * a; }
-  [[gnu::always_inline]] Vector3<Scalar> force_of_angular(const Vector3<Scalar>& a) const { return detail::times(H, a); }
-  [[gnu::always_inline]] Vector3<Scalar> moment_of_linear(const Vector3<Scalar>& a) const
+  /// A (a; 0), A (0; a).
+  template <class Factors>
+  [[gnu::always_inline]] detail::TriplePair<Scalar> of_linear(const Factors& a) const
   {
-    return Vector3<Scalar>(H(0, 0) * a(0) + H(1, 0) * a(1) + H(2, 0) * a(2), H(0, 1) * a(0) + H(1, 1) * a(1) + H(2, 1) * a(2),
-                           H(0, 2) * a(0) + H(1, 2) * a(1) + H(2, 2) * a(2));
+    return {{M(0, 0) * a(0) + M(0, 1) * a(1) + M(0, 2) * a(2), M(1, 0) * a(0) + M(1, 1) * a(1) + M(1, 2) * a(2),
+             M(2, 0) * a(0) + M(2, 1) * a(1) + M(2, 2) * a(2)},
+            {H(0, 0) * a(0) + H(1, 0) * a(1) + H(2, 0) * a(2), H(0, 1) * a(0) + H(1, 1) * a(1) + H(2, 1) * a(2),
+             H(0, 2) * a(0) + H(1, 2) * a(1) + H(2, 2) * a(2)}};
   }
-  [[gnu::always_inline]] Vector3<Scalar> moment_of_angular(const Vector3<Scalar>& a) const { return J * a; }
+  template <class Factors>
+  [[gnu::always_inline]] detail::TriplePair<Scalar> of_angular(const Factors& a) const
+  {
+    return {{H(0, 0) * a(0) + H(0, 1) * a(1) + H(0, 2) * a(2), H(1, 0) * a(0) + H(1, 1) * a(1) + H(1, 2) * a(2),
+             H(2, 0) * a(0) + H(2, 1) * a(1) + H(2, 2) * a(2)},
+            {J(0, 0) * a(0) + J(0, 1) * a(1) + J(0, 2) * a(2), J(1, 0) * a(0) + J(1, 1) * a(1) + J(1, 2) * a(2),
+             J(2, 0) * a(0) + J(2, 1) * a(1) + J(2, 2) * a(2)}};
+  }
 
   Matrix6<Scalar> dense() const
   {
@@ -248,3 +264,5 @@ struct SpatialInertia {
 };
 
 }  // namespace iim
+
+#include <iim/inertia_columns.hpp>

@@ -1,0 +1,109 @@
+// Sine and cosine of one angle, inline for float and double: a call would take 10 ns per joint and empty all registers.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <numbers>
+
+namespace iim::detail {
+
+/// sin and cos of one angle.
+template <class Scalar>
+void sine_cosine(const Scalar& angle, Scalar& s, Scalar& c)
+{
+  using std::cos;
+  using std::sin;
+  s = sin(angle);
+  c = cos(angle);
+}
+
+/// (sin r − r)/r³ and (cos r − 1 + r²/2)/r⁴ as polynomials in r² for |r| ≤ π/4: interpolated in Chebyshev's points, computed
+/// with 60 digits. Errors of sin and cos: 2e-17; the short ones, for float, 5e-11.
+template <std::size_t terms>
+struct SineSeries;
+template <>
+struct SineSeries<6> {
+  static constexpr std::array<double, 6> sine{-0x1.5555555555555p-3,  0x1.1111111110bb2p-7,  -0x1.a01a019e83816p-13,
+                                              0x1.71de379654304p-19, -0x1.ae600aca92c64p-26, 0x1.5e0b05bff20f2p-33};
+  static constexpr std::array<double, 6> cosine{0x1.5555555555555p-5,   -0x1.6c16c16c16967p-10, 0x1.a01a019f4e9b4p-16,
+                                                -0x1.27e4fa17bf139p-22, 0x1.1eeb68cd22f56p-29,  -0x1.907d8f29fe831p-37};
+};
+template <>
+struct SineSeries<4> {
+  static constexpr std::array<double, 4> sine{-0x1.555555545df18p-3, 0x1.11110deef0ae3p-7, -0x1.a013a740c35cep-13,
+                                              0x1.6dbded5452c9bp-19};
+  static constexpr std::array<double, 4> cosine{0x1.5555555502c6dp-5, -0x1.6c16bf54be1f5p-10, 0x1.a015c4462d9e2p-16,
+                                                -0x1.25243c2f39550p-22};
+};
+
+template <std::size_t terms>
+[[gnu::always_inline]] inline double polynomial(const std::array<double, terms>& coefficient, double x)
+{
+  double sum = coefficient[terms - 1];
+#pragma GCC unroll 8
+  for (std::size_t n = terms - 1; n > 0; --n) { sum = sum * x + coefficient[n - 1]; }
+  return sum;
+}
+
+/// To 0.8 ulp of double with six terms. Cody and Waite: |angle − k π/2| ≤ π/4 in two parts, r + low. |angle| ≤ 1e4.
+template <std::size_t terms>
+[[gnu::always_inline]] inline void reduced_sine_cosine(double angle, double& sine, double& cosine)
+{
+  using Pair [[gnu::vector_size(16)]] = double;
+  using Bits [[gnu::vector_size(16)]] = std::uint64_t;
+  constexpr double round = 0x1.8p52;  // added and subtracted: rounds to an integer, which is in the last bits
+  const double shifted = angle * (2 / std::numbers::pi) + round;
+  const double k = shifted - round;
+  const double nearly = angle - k * 0x1.921fb544p+0;  // exact: 33 bits times 20
+  const double step = k * 0x1.0b4611a6p-34;           // exact
+  const double r = nearly - step;
+  const double low = ((nearly - r) - step) - k * 0x1.3198a2e037073p-69;
+  const double r2 = r * r, half = 0.5 * r2, w = 1.0 - half;
+  const double s = r + (low * w + r * r2 * polynomial(SineSeries<terms>::sine, r2));
+  const double c = w + (((1.0 - w) - half) + (r2 * r2 * polynomial(SineSeries<terms>::cosine, r2) - r * low));
+  // sin and cos of r are those of the angle up to an exchange (k odd) and signs (k, k + 1 ≥ 2 modulo 4).
+  const auto quarter = std::bit_cast<std::uint64_t>(shifted);
+  const Bits turns{quarter, quarter + 1};
+  const Bits odd = -(turns & 1);
+  const Bits both = (odd & std::bit_cast<Bits>(Pair{c, c})) | (~odd & std::bit_cast<Bits>(Pair{s, s}));
+  const Pair result = std::bit_cast<Pair>(both ^ ((turns & 2) << 62));
+  sine = result[0];
+  cosine = result[1];
+}
+
+#if defined(__GLIBC__) && defined(__USE_GNU)
+inline void library_sine_cosine(double angle, double& s, double& c) { ::sincos(angle, &s, &c); }
+#else
+inline void library_sine_cosine(double angle, double& s, double& c) { s = std::sin(angle), c = std::cos(angle); }
+#endif
+
+#ifdef __FAST_MATH__  // which would put the parts of π/2 together again
+inline constexpr double largest_reduced_angle = -1;
+#else
+inline constexpr double largest_reduced_angle = 1e4;
+#endif
+
+inline void sine_cosine(double angle, double& s, double& c)
+{
+  if (std::abs(angle) <= largest_reduced_angle) [[likely]] {
+    reduced_sine_cosine<6>(angle, s, c);
+  } else {
+    library_sine_cosine(angle, s, c);
+  }
+}
+inline void sine_cosine(float angle, float& s, float& c)
+{
+  double sine, cosine;
+  if (std::abs(angle) <= static_cast<float>(largest_reduced_angle)) [[likely]] {
+    reduced_sine_cosine<4>(static_cast<double>(angle), sine, cosine);
+  } else {
+    library_sine_cosine(static_cast<double>(angle), sine, cosine);
+  }
+  s = static_cast<float>(sine);
+  c = static_cast<float>(cosine);
+}
+
+}  // namespace iim::detail

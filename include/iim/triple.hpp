@@ -1,0 +1,193 @@
+// Three numbers that are worked on together, and pairs of them: wrenches and gains of the inward loop, columns of 3 × 3 blocks.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstring>
+#include <type_traits>
+
+namespace iim::detail {
+
+/// Whether three numbers of this type lie in one register, with a fourth that means nothing.
+template <class Scalar>
+inline constexpr bool is_machine_number = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float>;
+
+/// (a, b, c).
+template <class Scalar>
+class Triple {
+public:
+  Triple() = default;
+  [[gnu::always_inline]] Triple(const Scalar& a, const Scalar& b, const Scalar& c) : at_{a, b, c} {}
+  /// Three numbers that lie one behind the other.
+  [[gnu::always_inline]] explicit Triple(const Scalar* x) : at_{x[0], x[1], x[2]} {}
+  [[gnu::always_inline]] void put(Scalar* x) const { x[0] = at_[0], x[1] = at_[1], x[2] = at_[2]; }
+
+  [[gnu::always_inline]] const Scalar& operator()(int i) const { return at_[static_cast<std::size_t>(i)]; }
+  /// Number i as a factor of another triple.
+  template <int i>
+  [[gnu::always_inline]] const Scalar& all() const
+  {
+    return at_[i];
+  }
+  [[gnu::always_inline]] static const Scalar& all(const Scalar& x) { return x; }
+
+  [[gnu::always_inline]] Triple& operator+=(const Triple& b)
+  {
+    at_[0] += b.at_[0], at_[1] += b.at_[1], at_[2] += b.at_[2];
+    return *this;
+  }
+  [[gnu::always_inline]] friend Triple operator+(const Triple& a, const Triple& b)
+  {
+    return Triple(a(0) + b(0), a(1) + b(1), a(2) + b(2));
+  }
+  [[gnu::always_inline]] friend Triple operator-(const Triple& a, const Triple& b)
+  {
+    return Triple(a(0) - b(0), a(1) - b(1), a(2) - b(2));
+  }
+  [[gnu::always_inline]] friend Triple operator*(const Triple& a, const Scalar& s)
+  {
+    return Triple(a(0) * s, a(1) * s, a(2) * s);
+  }
+  [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b)
+  {
+    return a(0) * b(0) + a(1) * b(1) + a(2) * b(2);
+  }
+  [[gnu::always_inline]] friend Triple cross(const Triple& a, const Triple& b)
+  {
+    return Triple(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2), a(0) * b(1) - a(1) * b(0));
+  }
+
+private:
+  std::array<Scalar, 3> at_;
+};
+
+// clang contracts over function boundaries only where it is told to.
+#ifdef __clang__
+#define IIM_CONTRACT _Pragma("clang fp contract(fast)")
+#else
+#define IIM_CONTRACT
+#endif
+
+template <class Scalar>
+  requires is_machine_number<Scalar>
+class Triple<Scalar> {
+  using Vector [[gnu::vector_size(4 * sizeof(Scalar))]] = Scalar;
+  using Half [[gnu::vector_size(2 * sizeof(Scalar))]] = Scalar;
+
+public:
+  Triple() = default;
+  [[gnu::always_inline]] Triple(Scalar a, Scalar b, Scalar c) : v_{a, b, c, Scalar(0)} {}
+  [[gnu::always_inline]] explicit Triple(const Scalar* x)
+  {
+    Half first;
+    std::memcpy(&first, x, sizeof first);
+    const Half last{x[2], Scalar(0)};
+    v_ = __builtin_shufflevector(first, last, 0, 1, 2, 3);
+  }
+  [[gnu::always_inline]] void put(Scalar* x) const
+  {
+    const Half first = __builtin_shufflevector(v_, v_, 0, 1);
+    std::memcpy(x, &first, sizeof first);
+    x[2] = v_[2];
+  }
+
+  [[gnu::always_inline]] Scalar operator()(int i) const { return v_[i]; }
+  template <int i>
+  [[gnu::always_inline]] Triple all() const
+  {
+    return of(__builtin_shufflevector(v_, v_, i, i, i, i));
+  }
+  [[gnu::always_inline]] static Triple all(Scalar x) { return of(Vector{x, x, x, x}); }
+
+  [[gnu::always_inline]] Triple& operator+=(const Triple& b) { return *this = *this + b; }
+  [[gnu::always_inline]] friend Triple operator+(const Triple& a, const Triple& b)
+  {
+    IIM_CONTRACT
+    return of(a.v_ + b.v_);
+  }
+  [[gnu::always_inline]] friend Triple operator-(const Triple& a, const Triple& b)
+  {
+    IIM_CONTRACT
+    return of(a.v_ - b.v_);
+  }
+  [[gnu::always_inline]] friend Triple operator*(const Triple& a, const Triple& all)
+  {
+    IIM_CONTRACT
+    return of(a.v_ * all.v_);
+  }
+  [[gnu::always_inline]] friend Triple operator*(const Triple& a, Scalar s) { return a * all(s); }
+  [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b)
+  {
+    const Vector p = a.v_ * b.v_;
+    return (p[0] + p[1]) + p[2];
+  }
+  [[gnu::always_inline]] friend Triple cross(const Triple& a, const Triple& b)
+  {
+    return (a * b.turned() - a.turned() * b).turned();
+  }
+  /// (b, c, a).
+  [[gnu::always_inline]] Triple turned() const { return of(__builtin_shufflevector(v_, v_, 1, 2, 0, 3)); }
+
+  /// The transpose of the columns a, b, c.
+  [[gnu::always_inline]] friend void transpose(const Triple& a, const Triple& b, const Triple& c, Triple* row)
+  {
+    const Vector even = __builtin_shufflevector(a.v_, b.v_, 0, 4, 2, 6), odd = __builtin_shufflevector(a.v_, b.v_, 1, 5, 3, 7);
+    row[0] = of(__builtin_shufflevector(even, c.v_, 0, 1, 4, 7));
+    row[1] = of(__builtin_shufflevector(odd, c.v_, 0, 1, 5, 7));
+    row[2] = of(__builtin_shufflevector(even, c.v_, 2, 3, 6, 7));
+  }
+
+  /// The first two columns of a symmetric matrix whose upper triangle stands in the columns a, b, c.
+  [[gnu::always_inline]] friend Triple mirror_first(const Triple& a, const Triple& b, const Triple& c)
+  {
+    const Vector even = __builtin_shufflevector(a.v_, b.v_, 0, 4, 2, 6);
+    return of(__builtin_shufflevector(even, c.v_, 0, 1, 4, 7));
+  }
+  [[gnu::always_inline]] friend Triple mirror_second(const Triple& b, const Triple& c)
+  {
+    return of(__builtin_shufflevector(b.v_, c.v_, 0, 1, 5, 7));
+  }
+
+private:
+  [[gnu::always_inline]] static Triple of(const Vector& v)
+  {
+    Triple t;
+    t.v_ = v;
+    return t;
+  }
+  Vector v_;
+};
+#undef IIM_CONTRACT
+
+/// A wrench or a twist.
+template <class Scalar>
+struct TriplePair {
+  Triple<Scalar> linear, angular;
+
+  TriplePair() = default;
+  [[gnu::always_inline]] TriplePair(const Triple<Scalar>& lin, const Triple<Scalar>& ang) : linear(lin), angular(ang) {}
+  /// Six numbers that lie one behind the other.
+  [[gnu::always_inline]] explicit TriplePair(const Scalar* x) : linear(x), angular(x + 3) {}
+
+  [[gnu::always_inline]] TriplePair& operator+=(const TriplePair& other)
+  {
+    linear += other.linear;
+    angular += other.angular;
+    return *this;
+  }
+  [[gnu::always_inline]] TriplePair& operator-=(const TriplePair& other)
+  {
+    linear = linear - other.linear;
+    angular = angular - other.angular;
+    return *this;
+  }
+  [[gnu::always_inline]] friend TriplePair operator*(const TriplePair& a, const Scalar& s) { return {a.linear * s, a.angular * s}; }
+  [[gnu::always_inline]] void put(Scalar* x) const
+  {
+    linear.put(x);
+    angular.put(x + 3);
+  }
+  [[gnu::always_inline]] decltype(auto) operator()(int i) const { return i < 3 ? linear(i) : angular(i - 3); }
+};
+
+}  // namespace iim::detail
