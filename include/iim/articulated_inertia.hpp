@@ -80,16 +80,17 @@ template <MotionPattern pattern, class Scalar, int n>
   }
 }
 
-/// D += Sᵀ U.
+/// D += Sᵀ U, or D = Sᵀ U: a sum with zero would stand between a chain's links.
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_joint_inertia(const Eigen::Matrix<Scalar, 6, n>& S,
-                                                     const SixColumns<Scalar, n>& U, Eigen::Matrix<Scalar, n, n>& D)
+                                                     const SixColumns<Scalar, n>& U, bool first, Eigen::Matrix<Scalar, n, n>& D)
 {
 #pragma GCC unroll 8
   for (int e = 0; e < n; ++e) {
 #pragma GCC unroll 8
     for (int d = e; d < n; ++d) {
-      D(d, e) += column_dot<pattern>(S, d, U[e]);
+      const Scalar part = column_dot<pattern>(S, d, U[e]);
+      D(d, e) = first ? part : Scalar(D(d, e) + part);
       if (d != e) { D(e, d) = D(d, e); }
     }
   }
@@ -291,26 +292,19 @@ template <bool offset, bool velocity, class Scalar>
     h.setZero();
     return;
   }
-  Vector3<Scalar> mc = times(R, body.first_moment);
-  Symmetric3<Scalar> Theta = Symmetric3<Scalar>::turned(R, body.inertia);
+  Triple<Scalar> mc = combined(R, body.first_moment);
+  auto Theta = SpatialInertia<Scalar>::Rotational::turned(R, body.inertia);
   if constexpr (offset) {
     // From the frame's origin to the coupling point: with s = mc + ½ m r, Θ + 2 (r·s) 1 − r sᵀ − s rᵀ
-    Vector3<Scalar> s;
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { s(i) = mc(i) + body.mass * r(i) * Scalar(0.5); }
-    const Scalar trace = Scalar(2) * (r(0) * s(0) + r(1) * s(1) + r(2) * s(2));
-#pragma GCC unroll 8
-    for (int j = 0; j < 3; ++j) {
-#pragma GCC unroll 8
-      for (int i = 0; i <= j; ++i) { Theta(i, j) -= r(i) * s(j) + s(i) * r(j); }
-      Theta(j, j) += trace;
-    }
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { mc(i) += body.mass * r(i); }
+    const Triple<Scalar> step = triple(r) * body.mass;
+    Theta.add_offset(triple(r), mc + step * Scalar(0.5));
+    mc += step;
   }
   A.set_rigid(body.mass, mc, Theta);
   if constexpr (velocity) {
-    set(h, cross(omega, cross(omega, mc)), cross(omega, Theta * omega));
+    const Triple<Scalar> w = triple(omega);
+    cross(w, cross(w, mc)).put(h.data());
+    cross(w, Theta * w).put(h.data() + 3);
   } else {
     h.setZero();
   }

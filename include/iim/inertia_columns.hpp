@@ -67,6 +67,25 @@ struct ColumnBlock {
     return {{column[1] * r(2) - column[2] * r(1), column[2] * r(0) - column[0] * r(2), column[0] * r(1) - column[1] * r(0)}};
   }
 
+  /// R I Rᵀ for symmetric I.
+  [[gnu::always_inline]] static ColumnBlock turned(const Matrix3<Scalar>& R, const Matrix3<Scalar>& I)
+  {
+    const ColumnBlock axes{{detail::column(R, 0), detail::column(R, 1), detail::column(R, 2)}};
+    const ColumnBlock RI{{axes.times(I(0, 0), I(1, 0), I(2, 0)), axes.times(I(0, 1), I(1, 1), I(2, 1)),
+                          axes.times(I(0, 2), I(1, 2), I(2, 2))}};
+    return {{RI.times(R(0, 0), R(0, 1), R(0, 2)), RI.times(R(1, 0), R(1, 1), R(1, 2)), RI.times(R(2, 0), R(2, 1), R(2, 2))}};
+  }
+  /// += 2 (r·s) 1 − r sᵀ − s rᵀ.
+  [[gnu::always_inline]] void add_offset(const Triple<Scalar>& r, const Triple<Scalar>& s)
+  {
+    const Scalar zero(0), trace = Scalar(2) * dot(r, s);
+    subtract_dyad(r, s);
+    subtract_dyad(s, r);
+    column[0] += Triple<Scalar>(trace, zero, zero);
+    column[1] += Triple<Scalar>(zero, trace, zero);
+    column[2] += Triple<Scalar>(zero, zero, trace);
+  }
+
   Matrix3<Scalar> dense() const
   {
     Matrix3<Scalar> m;
@@ -88,6 +107,7 @@ template <class Scalar>
   requires detail::is_machine_number<Scalar>
 struct SpatialInertia<Scalar> {
   using Triple = detail::Triple<Scalar>;
+  using Rotational = detail::ColumnBlock<Scalar>;
   detail::ColumnBlock<Scalar> M, H, J;
 
   void set_zero()
@@ -98,13 +118,12 @@ struct SpatialInertia<Scalar> {
     J = M;
   }
 
-  [[gnu::always_inline]] void set_rigid(Scalar m, const Vector3<Scalar>& mc, const Symmetric3<Scalar>& Theta)
+  [[gnu::always_inline]] void set_rigid(Scalar m, const Triple& mc, const Rotational& Theta)
   {
     const Scalar zero(0);
     M.column = {Triple(m, zero, zero), Triple(zero, m, zero), Triple(zero, zero, m)};
-    H.column = {Triple(zero, -mc(2), mc(1)), Triple(mc(2), zero, -mc(0)), Triple(-mc(1), mc(0), zero)};
-    const auto& t = Theta.at;
-    J.column = {Triple(t[0], t[1], t[2]), Triple(t[1], t[3], t[4]), Triple(t[2], t[4], t[5])};
+    skew_transposed(mc, H.column.data());
+    J = Theta;
   }
 
   [[gnu::always_inline]] SpatialInertia& operator+=(const SpatialInertia& other)

@@ -98,15 +98,13 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   for (int d = 0; d < n_i; ++d) {
     hq(d) = -ws.load()(node.v + d);
     scale(d) = Scalar(0);
-#pragma GCC unroll 8
-    for (int e = 0; e < n_i; ++e) { D(e, d) = Scalar(0); }
   }
 #pragma GCC unroll 2
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     inertia_times<pattern>(f.A, state.S_k[at], U_k[at]);
-    add_joint_inertia<pattern>(state.S_k[at], U_k[at], D);
+    add_joint_inertia<pattern>(state.S_k[at], U_k[at], k == 0, D);
     add_scale<pattern>(f, state.S_k[at], scale);
     const TriplePair<Scalar> p = bias_wrench<scene, S>(f);
 #pragma GCC unroll 8

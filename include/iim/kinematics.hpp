@@ -39,16 +39,12 @@ struct Diagnosis {
 
 /// Rows first … first + 2 of S q̇: velocity of a frame relative to the inlet.
 template <int first, class Scalar, int n>
-[[gnu::always_inline]] inline Vector3<Scalar> relative(const Eigen::Matrix<Scalar, 6, n>& S_k,
-                                                       const Eigen::Matrix<Scalar, n, 1>& qd)
+[[gnu::always_inline]] inline Triple<Scalar> relative(const Eigen::Matrix<Scalar, 6, n>& S_k,
+                                                      const Eigen::Matrix<Scalar, n, 1>& qd)
 {
-  Vector3<Scalar> v(Scalar(0), Scalar(0), Scalar(0));
+  Triple<Scalar> v = Triple<Scalar>(S_k.data() + first) * qd(0);
 #pragma GCC unroll 8
-  for (int i = 0; i < 3 && n > 0; ++i) {
-    v(i) = S_k(first + i, 0) * qd(0);
-#pragma GCC unroll 8
-    for (int d = 1; d < n; ++d) { v(i) += S_k(first + i, d) * qd(d); }
-  }
+  for (int d = 1; d < n; ++d) { v += Triple<Scalar>(S_k.data() + 6 * d + first) * qd(d); }
   return v;
 }
 
@@ -80,6 +76,17 @@ std::array<FrameMotion<typename S::Scalar, S::n_i>, S::n_frames> frame_motions(I
 {
   return {{{ws.frame(first + static_cast<Index>(K)).R, ws.frame(first + static_cast<Index>(K)).r, state.S_k[K],
             ws.frame(first + static_cast<Index>(K)).bias}...}};
+}
+
+/// bias = turning, plus what `motion` has left there.
+template <bool has_own, class Scalar>
+[[gnu::always_inline]] inline void add_bias(const Triple<Scalar>& turning, Scalar* bias)
+{
+  if constexpr (has_own) {
+    (turning + Triple<Scalar>(bias)).put(bias);
+  } else {
+    turning.put(bias);
+  }
 }
 
 /// Whether a frame of S has a bias acceleration in the linear (0) or angular (3) rows.
@@ -119,7 +126,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     constexpr MotionPattern pattern = S::pattern;
     NodeState<S>& state = ws.template node<S>(node);
     const Placement<Scalar>& at = tree.placement(node.index);
-    Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
+    Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
     if (node.inlet < 0) {
       state.R = at.R;
       state.r = at.p;
@@ -128,12 +135,12 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
       if (tree.placement_turns(node.index)) {
         multiply(inlet.R, at.R, state.R);
       } else {
-        state.R = inlet.R;
+#pragma GCC unroll 8
+        for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
       }
       if (tree.straightens(node.index)) { straighten(state.R); }
-      state.r = inlet.r;
-      add(state.r, times(inlet.R, at.p));
-      if constexpr (scene.velocity) { omega = inlet.omega; }
+      (Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p)).put(state.r.data());
+      if constexpr (scene.velocity) { omega = Triple<Scalar>(inlet.omega.data()); }
     }
     Coordinates<S> q_i;
     Velocities<S> qd_i;
@@ -155,7 +162,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
 
     if constexpr (scene.velocity) {
-      if (node.inlet >= 0) { state.c = cross(omega, cross(omega, state.r)); }
+      if (node.inlet >= 0) { cross(omega, cross(omega, triple(state.r))).put(state.c.data()); }
     }
 #pragma GCC unroll 2
     for (int k = 0; k < S::n_frames; ++k) {
@@ -163,20 +170,17 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
       if constexpr (scene.velocity) {
         // Twist of the frame relative to the inlet, and the accelerations that come with the inlet turning.
         const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-        f.omega = omega;
+        Triple<Scalar> spin = omega;
         if constexpr (pattern.linear) {
-          const Vector3<Scalar> v = relative<0>(S_k, qd_i);
-          const Vector3<Scalar> coriolis = cross(omega, v);
-#pragma GCC unroll 8
-          for (int i = 0; i < 3; ++i) { f.bias(i) = Scalar(2) * coriolis(i) + (pattern.bias ? f.bias(i) : Scalar(0)); }
+          const Triple<Scalar> coriolis = cross(omega, relative<0>(S_k, qd_i)) * Scalar(2);
+          add_bias<pattern.bias>(coriolis, f.bias.data());
         }
         if constexpr (pattern.angular) {
-          const Vector3<Scalar> w = relative<3>(S_k, qd_i);
-          const Vector3<Scalar> turning = cross(omega, w);
-#pragma GCC unroll 8
-          for (int i = 0; i < 3; ++i) { f.bias(i + 3) = turning(i) + (pattern.bias ? f.bias(i + 3) : Scalar(0)); }
-          add(f.omega, w);
+          const Triple<Scalar> w = relative<3>(S_k, qd_i);
+          add_bias<pattern.bias>(cross(omega, w), f.bias.data() + 3);
+          spin += w;
         }
+        spin.put(f.omega.data());
       }
       if constexpr (Workspace::update == Update::square_root) {
         RootInertia<Scalar>& N_k = ws.root(node.frame + k);

@@ -55,19 +55,31 @@ template <class Scalar>
 }
 
 template <class Scalar>
-[[gnu::always_inline]] inline void multiply(const Matrix3<Scalar>& A, const Matrix3<Scalar>& B, Matrix3<Scalar>& C)
-{
-#pragma GCC unroll 8
-  for (int j = 0; j < 3; ++j) {
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { C(i, j) = A(i, 0) * B(0, j) + A(i, 1) * B(1, j) + A(i, 2) * B(2, j); }
-  }
-}
-
-template <class Scalar>
 [[gnu::always_inline]] inline Triple<Scalar> triple(const Vector3<Scalar>& a)
 {
   return Triple<Scalar>(a(0), a(1), a(2));
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Triple<Scalar> column(const Matrix3<Scalar>& R, int j)
+{
+  return Triple<Scalar>(R.data() + 3 * j);
+}
+
+/// R a.
+template <class Scalar, class Factors>
+[[gnu::always_inline]] inline Triple<Scalar> combined(const Matrix3<Scalar>& R, const Factors& a)
+{
+  return column(R, 0) * a(0) + column(R, 1) * a(1) + column(R, 2) * a(2);
+}
+
+/// C = A B, column by column. C may be A.
+template <class Scalar>
+[[gnu::always_inline]] inline void multiply(const Matrix3<Scalar>& A, const Matrix3<Scalar>& B, Matrix3<Scalar>& C)
+{
+  const Triple<Scalar> a = column(A, 0), b = column(A, 1), c = column(A, 2);
+#pragma GCC unroll 8
+  for (int j = 0; j < 3; ++j) { (a * B(0, j) + b * B(1, j) + c * B(2, j)).put(C.data() + 3 * j); }
 }
 
 /// a += b.
@@ -168,6 +180,23 @@ struct Symmetric3 {
 
   Scalar trace() const { return at[0] + at[3] + at[5]; }
 
+  /// += 2 (r·s) 1 − r sᵀ − s rᵀ.
+  [[gnu::always_inline]] void add_offset(const detail::Triple<Scalar>& r, const detail::Triple<Scalar>& s)
+  {
+    const Scalar trace = Scalar(2) * dot(r, s);
+#pragma GCC unroll 8
+    for (int j = 0; j < 3; ++j) {
+#pragma GCC unroll 8
+      for (int i = 0; i <= j; ++i) { (*this)(i, j) -= r(i) * s(j) + s(i) * r(j); }
+      (*this)(j, j) += trace;
+    }
+  }
+
+  [[gnu::always_inline]] detail::Triple<Scalar> operator*(const detail::Triple<Scalar>& a) const
+  {
+    return {at[0] * a(0) + at[1] * a(1) + at[2] * a(2), at[1] * a(0) + at[3] * a(1) + at[4] * a(2),
+            at[2] * a(0) + at[4] * a(1) + at[5] * a(2)};
+  }
   [[gnu::always_inline]] Vector3<Scalar> operator*(const Vector3<Scalar>& a) const
   {
     return {at[0] * a(0) + at[1] * a(1) + at[2] * a(2), at[1] * a(0) + at[3] * a(1) + at[4] * a(2),
@@ -178,6 +207,7 @@ struct Symmetric3 {
 /// Symmetric 6×6 map from accelerations to wrenches, [ M H ; Hᵀ J ], about one point; 21 numbers.
 template <class Scalar>
 struct SpatialInertia {
+  using Rotational = Symmetric3<Scalar>;
   Symmetric3<Scalar> M;  ///< force per linear acceleration
   Matrix3<Scalar> H;     ///< force per angular acceleration
   Symmetric3<Scalar> J;  ///< moment per angular acceleration
@@ -191,7 +221,7 @@ struct SpatialInertia {
   }
 
   /// One rigid body: mass m, first moment mc = m·(centre − point), rotational inertia Θ about the point.
-  [[gnu::always_inline]] void set_rigid(const Scalar& m, const Vector3<Scalar>& mc, const Symmetric3<Scalar>& Theta)
+  [[gnu::always_inline]] void set_rigid(const Scalar& m, const detail::Triple<Scalar>& mc, const Rotational& Theta)
   {
     const Scalar zero(0);
     M.at = {m, zero, zero, m, zero, m};

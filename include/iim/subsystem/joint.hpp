@@ -4,7 +4,9 @@
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <string>
 
 namespace iim {
@@ -39,14 +41,14 @@ struct UnitAxis {
   }
 
   /// R·direction.
-  Vector3<Scalar> in(const Matrix3<Scalar>& R) const
+  [[gnu::always_inline]] Triple<Scalar> in(const Matrix3<Scalar>& R) const
   {
-    if (aligned >= 0) { return Vector3<Scalar>(R(0, aligned) * sign, R(1, aligned) * sign, R(2, aligned) * sign); }
-    return times(R, direction);
+    return aligned >= 0 ? column(R, aligned) * sign : combined(R, direction);
   }
 
   /// turned = R·exp(angle·direction~), w = R·direction.
-  void turn(const Matrix3<Scalar>& R, const Vector3<Scalar>& w, const Scalar& angle, Matrix3<Scalar>& turned) const
+  [[gnu::always_inline]] void turn(const Matrix3<Scalar>& R, const Triple<Scalar>& w, const Scalar& angle,
+                                   Matrix3<Scalar>& turned) const
   {
     Scalar s, c;
     sine_cosine(angle, s, c);
@@ -54,19 +56,19 @@ struct UnitAxis {
       const int i = aligned == 2 ? 0 : aligned + 1;
       const int j = aligned == 0 ? 2 : aligned - 1;
       const Scalar t = sign * s;
-      for (int k = 0; k < 3; ++k) {
-        turned(k, aligned) = R(k, aligned);
-        turned(k, i) = c * R(k, i) + t * R(k, j);
-        turned(k, j) = c * R(k, j) - t * R(k, i);
-      }
+      const Triple<Scalar> a = column(R, i), b = column(R, j);
+      column(R, aligned).put(turned.data() + 3 * aligned);
+      (a * c + b * t).put(turned.data() + 3 * i);
+      (b * c - a * t).put(turned.data() + 3 * j);
     } else {
       // Rodrigues: c R + s R ã + (1 − c) w aᵀ
-      for (int j = 0; j < 3; ++j) {
-        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-        const Scalar d = direction(j) - c * direction(j);
-        for (int k = 0; k < 3; ++k) {
-          turned(k, j) = c * R(k, j) + w(k) * d + s * (R(k, j1) * direction(j2) - R(k, j2) * direction(j1));
-        }
+      const std::array<Triple<Scalar>, 3> axis{column(R, 0), column(R, 1), column(R, 2)};
+#pragma GCC unroll 8
+      for (std::size_t j = 0; j < 3; ++j) {
+        const std::size_t j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        const Scalar d = direction(Index(j)) - c * direction(Index(j));
+        const Triple<Scalar> across = axis[j1] * direction(Index(j2)) - axis[j2] * direction(Index(j1));
+        (axis[j] * c + w * d + across * s).put(turned.data() + 3 * j);
       }
     }
   }
@@ -86,12 +88,12 @@ struct Revolute {
 
   void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
 
-  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
-              FrameMotion<Scalar, 1>& m) const
+  [[gnu::always_inline]] bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q,
+                                     const Eigen::Matrix<Scalar, 1, 1>&, FrameMotion<Scalar, 1>& m) const
   {
-    const Vector3<Scalar> w = unit_.in(R);
+    const detail::Triple<Scalar> w = unit_.in(R);
     unit_.turn(R, w, q(0), m.R);
-    for (int k = 0; k < 3; ++k) { m.S(k + 3) = w(k); }
+    w.put(m.S.data() + 3);
     return true;
   }
 
@@ -126,12 +128,10 @@ struct Prismatic {
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
               FrameMotion<Scalar, 1>& m) const
   {
-    const Vector3<Scalar> w = unit_.in(R);
+    const detail::Triple<Scalar> w = unit_.in(R);
     m.R = R;
-    for (int k = 0; k < 3; ++k) {
-      m.r(k) = q(0) * w(k);
-      m.S(k) = w(k);
-    }
+    (w * q(0)).put(m.r.data());
+    w.put(m.S.data());
     return true;
   }
 

@@ -50,13 +50,12 @@ struct Helical {
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
               FrameMotion<Scalar, 1>& m) const
   {
-    const Vector3<Scalar> w = unit_.in(R);
+    const detail::Triple<Scalar> w = unit_.in(R);
     unit_.turn(R, w, q(0), m.R);
-    for (int k = 0; k < 3; ++k) {
-      m.S(k) = lead * w(k);
-      m.S(k + 3) = w(k);
-      m.r(k) = q(0) * m.S(k);
-    }
+    const detail::Triple<Scalar> v = w * lead;
+    v.put(m.S.data());
+    w.put(m.S.data() + 3);
+    (v * q(0)).put(m.r.data());
     return true;
   }
 
@@ -91,13 +90,11 @@ struct Cylindrical {
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 2, 1>& q, const Eigen::Matrix<Scalar, 2, 1>&,
               FrameMotion<Scalar, 2>& m) const
   {
-    const Vector3<Scalar> w = unit_.in(R);
+    const detail::Triple<Scalar> w = unit_.in(R);
     unit_.turn(R, w, q(0), m.R);
-    for (int k = 0; k < 3; ++k) {
-      m.S(k + 3, 0) = w(k);
-      m.S(k, 1) = w(k);
-      m.r(k) = q(1) * w(k);
-    }
+    w.put(&m.S(3, 0));
+    w.put(&m.S(0, 1));
+    (w * q(1)).put(m.r.data());
     return true;
   }
 
@@ -135,18 +132,16 @@ struct Universal {
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 2, 1>& q, const Eigen::Matrix<Scalar, 2, 1>& qd,
               FrameMotion<Scalar, 2>& m) const
   {
-    Matrix3<Scalar> cross;
-    const Vector3<Scalar> w1 = first_.in(R);
-    first_.turn(R, w1, q(0), cross);
-    const Vector3<Scalar> w2 = second_.in(cross);
-    second_.turn(cross, w2, q(1), m.R);
-    const Vector3<Scalar> turning = detail::cross(w1, w2);
-    for (int k = 0; k < 3; ++k) {
-      m.S(k + 3, 0) = w1(k);
-      m.S(k + 3, 1) = w2(k);
-      m.bias(k) = Scalar(0);
-      m.bias(k + 3) = qd(0) * qd(1) * turning(k);
-    }
+    Matrix3<Scalar> crossed;
+    const detail::Triple<Scalar> w1 = first_.in(R);
+    first_.turn(R, w1, q(0), crossed);
+    const detail::Triple<Scalar> w2 = second_.in(crossed);
+    second_.turn(crossed, w2, q(1), m.R);
+    const detail::Triple<Scalar> turning = cross(w1, w2);
+    w1.put(&m.S(3, 0));
+    w2.put(&m.S(3, 1));
+    for (int k = 0; k < 3; ++k) { m.bias(k) = Scalar(0); }
+    (turning * (qd(0) * qd(1))).put(m.bias.data() + 3);
     return true;
   }
 
@@ -188,7 +183,7 @@ struct Planar {
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 3, 1>& q, const Eigen::Matrix<Scalar, 3, 1>& qd,
               FrameMotion<Scalar, 3>& m) const
   {
-    const Vector3<Scalar> w = unit_.in(R);
+    const detail::Triple<Scalar> w = unit_.in(R);
     const Vector3<Scalar> e1 = detail::times(R, x_);
     const Vector3<Scalar> e2 = detail::times(R, y_);
     unit_.turn(R, w, q(2), m.R);
