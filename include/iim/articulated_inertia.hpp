@@ -177,7 +177,7 @@ template <MotionPattern pattern, class Scalar, int n>
 /// The same by columns. [ M G' ; H J ]: the columns of H are the rows of the lower half, which Sᵀ B needs and which a joint
 /// that turns leaves zero along its axis.
 template <MotionPattern pattern, class Scalar, int n>
-  requires is_machine_number<Scalar>
+  requires three_in_register<Scalar>
 [[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
                                                                const Eigen::Matrix<Scalar, 6, n>& S,
                                                                const SixColumns<Scalar, n>& U,
@@ -240,7 +240,7 @@ template <class Scalar, int n>
 }
 
 template <class Scalar, int n>
-  requires is_machine_number<Scalar>
+  requires three_in_register<Scalar>
 [[gnu::always_inline]] inline void subtract_product(const SixColumns<Scalar, n>& U, const SixColumns<Scalar, n>& W,
                                                     SpatialInertia<Scalar>& A)
 {
@@ -271,7 +271,7 @@ template <class Scalar>
 }
 
 template <class Scalar>
-  requires is_machine_number<Scalar>
+  requires three_in_register<Scalar>
 [[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z, SpatialInertia<Scalar>& A)
 {
   const TriplePair<Scalar> weighted{z.linear * weight, z.angular * weight};

@@ -104,7 +104,7 @@ struct ColumnBlock {
 }  // namespace detail
 
 template <class Scalar>
-  requires detail::is_machine_number<Scalar>
+  requires detail::three_in_register<Scalar>
 struct SpatialInertia<Scalar> {
   using Triple = detail::Triple<Scalar>;
   using Rotational = detail::ColumnBlock<Scalar>;
