@@ -36,8 +36,10 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool 
     // First a whole share, which subtracts without a rounding if the axes are close, then what is left of it.
     const Scalar cosine = along_own(inlet.S), half(0.5);
     const Scalar whole(cosine > half ? 1 : cosine < -half ? -1 : 0);
+#pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= whole * own(k); }
     const Scalar rest = along_own(shared.difference);
+#pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
     shared.share = whole + rest;
   }
@@ -56,6 +58,7 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
   const SharedAxis<typename S::Scalar>& shared = ws.shared_axis(node.index);
   add(inlet.h, shift_wrench(state.r, h));
   inlet.h_along += shared.share * load;
+#pragma GCC unroll 8
   for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
 }
 
@@ -91,6 +94,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
   const Vector6<Scalar> none = Vector6<Scalar>::Zero();
   const Vector6<Scalar> T = inlet.keeps_v ? ws.shared_axis(node.index).difference : none;
   if constexpr (scene.velocity) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { known(i) += state.c(i); }
   }
   const auto stack_on = [&](RootRow<Scalar>* row) {
@@ -101,6 +105,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
       *row = moved(left[r], move);
     }
     if (inlet.keeps_v) {
+#pragma GCC unroll 8
       for (int k = 0; k < 6; ++k) { inlet.scale += size(k) * abs(T(k)); }
     }
     if (body_rows > 0) {
@@ -154,6 +159,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   int count = 0;
   Vector6<Scalar> hg;
   VectorI hq, scale;
+#pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
     hq(d) = -ws.load()(node.v + d);
     scale(d) = Scalar(0);
@@ -172,6 +178,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       }
       if constexpr (has_known) { subtract_known(n, f.bias); }
     }
+#pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
     if (k == 0) {
       hg = f.h;
@@ -187,6 +194,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   }
   [[maybe_unused]] int n_put = 0;
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
+#pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
     if constexpr (keeps_v) {
       rows[count](along_S) = ratio(0);
@@ -204,6 +212,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
         const Scalar zero(0);
         Scalar known = spun.bias;
         if constexpr (keeps_v && has_known) {  // what is subtracted from all rows below, the inlet's rotors do not have
+#pragma GCC unroll 8
           for (int j = 0; j < 3; ++j) { known -= spun.a(j) * ws.frame(node.frame).bias(j + 3); }
         }
         rows[count] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * known, zero;
@@ -240,9 +249,12 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     count = n_i;  // no row is left
   }
   const auto t = [&](int k, int d) -> const Scalar& { return v[static_cast<std::size_t>(k)](d); };
+#pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
+#pragma GCC unroll 8
     for (int e = 0; e <= d; ++e) {
       Scalar D = t(0, d) * t(0, e), D_inv = C(d, 0) * C(e, 0);
+#pragma GCC unroll 8
       for (int k = 1; k < n_i; ++k) {
         D += t(k, d) * t(k, e);
         D_inv += C(d, k) * C(e, k);
@@ -251,17 +263,21 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       state.MbarR_inv(d, e) = state.MbarR_inv(e, d) = D_inv;
     }
     RootRow<Scalar> U = rows[0] * t(0, d), W = rows[0] * C(d, 0);
+#pragma GCC unroll 8
     for (int k = 1; k < n_i; ++k) {
       U += rows[k] * t(k, d);
       W += rows[k] * C(d, k);
     }
+#pragma GCC unroll 8
     for (int j = 0; j < 6; ++j) {
       state.U(j, d) = U(j);
       if constexpr (!is_free<S>()) { state.W(d, j) = W(j); }
     }
   }
   state.psi = product(state.MbarR_inv, hq);
+#pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
+#pragma GCC unroll 8
     for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[k](rhs); }
   }
   if constexpr (is_free<S>()) {
@@ -270,7 +286,9 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     return;
   } else {
     if (node.inlet < 0) { return; }
+#pragma GCC unroll 8
     for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 8
       for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
     }
     share_axis<S>(node, state, annihilated, ws);

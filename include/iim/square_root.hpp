@@ -75,8 +75,8 @@ constexpr Along along()
   return has_own_twist<S>() ? Along::own_twist : Along::column;
 }
 
-/// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ). Writes body.rows
-/// rows, v for motion along S, and Σ |v| as if nothing had cancelled.
+/// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ). Writes six
+/// rows, of which body.rows count, v for motion along S, and Σ |v| as if nothing had cancelled.
 template <bool velocity, Along along, class Scalar>
 [[gnu::always_inline]] inline void place_roots(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R,
                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
@@ -96,6 +96,7 @@ template <bool velocity, Along along, class Scalar>
     v = times(R, body.linear);
     scale = body.own_scale;
   } else if constexpr (along == Along::column) {
+#pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       const int j = (i + 1) % 3, k = (i + 2) % 3;
       const Scalar a = S(j + 3) * s(k), b = S(k + 3) * s(j);
@@ -110,9 +111,11 @@ template <bool velocity, Along along, class Scalar>
   multiply(R, body.axes, p);
   Vector3<Scalar> spin(zero, zero, zero);  // ω in principal axes
   if constexpr (velocity) {
+#pragma GCC unroll 8
     for (int k = 0; k < 3; ++k) { spin(k) = p(0, k) * omega(0) + p(1, k) * omega(1) + p(2, k) * omega(2); }
   }
-  for (int k = 0; k + 3 < body.rows; ++k) {
+#pragma GCC unroll 8
+  for (int k = 0; k < 3; ++k) {  // rows of no moment, the last, do not count
     const Scalar& t = body.root_moment(k);
     Scalar turn(0);
     if constexpr (along == Along::own_twist) {
@@ -150,6 +153,7 @@ template <class Scalar>
   move[0] << zero, zero, zero, zero, r(2), -r(1), -known(0), T(0);
   move[1] << zero, zero, zero, -r(2), zero, r(0), -known(1), T(1);
   move[2] << zero, zero, zero, r(1), -r(0), zero, -known(2), T(2);
+#pragma GCC unroll 8
   for (int k = 3; k < 6; ++k) {
     move[static_cast<std::size_t>(k)] << zero, zero, zero, zero, zero, zero, -known(k), T(k);
   }
