@@ -16,22 +16,24 @@ M random()
 {
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   M m;
-  for (Index i = 0; i < m.size(); ++i) { m(i) = uniform(random_source); }
+  for (Index i = 0; i < m.size(); ++i) { m(i) = static_cast<typename M::Scalar>(uniform(random_source)); }
   return m;
 }
 
-Matrix6<double> twist_transform(const Vector3<double>& r)
+template <class Scalar>
+Matrix6<Scalar> twist_transform(const Vector3<Scalar>& r)
 {
-  Matrix6<double> X = Matrix6<double>::Identity();
-  X.topRightCorner<3, 3>() = -skew(r);
+  Matrix6<Scalar> X = Matrix6<Scalar>::Identity();
+  X.template topRightCorner<3, 3>() = -skew(r);
   return X;
 }
 
-SpatialInertia<double> random_inertia()
+template <class Scalar>
+SpatialInertia<Scalar> random_inertia()
 {
-  const Matrix6<double> N = random<Matrix6<double>>();
-  const Matrix6<double> A = N.transpose() * N;
-  SpatialInertia<double> inertia;
+  const Matrix6<Scalar> N = random<Matrix6<Scalar>>();
+  const Matrix6<Scalar> A = N.transpose() * N;
+  SpatialInertia<Scalar> inertia;
   for (int j = 0; j < 3; ++j) {
     for (int i = 0; i < 3; ++i) {
       inertia.M(i, j) = A(i, j);
@@ -42,18 +44,22 @@ SpatialInertia<double> random_inertia()
   return inertia;
 }
 
-Eigen::Matrix<double, 6, 2> dense(const detail::SixColumns<double, 2>& U)
+template <class Scalar, int n>
+Eigen::Matrix<Scalar, 6, n> dense(const detail::SixColumns<Scalar, n>& U)
 {
-  Eigen::Matrix<double, 6, 2> m;
-  for (int d = 0; d < 2; ++d) { U[d].put(&m(0, d)); }
+  Eigen::Matrix<Scalar, 6, n> m;
+  for (int d = 0; d < n; ++d) { U[d].put(&m(0, d)); }
   return m;
 }
 
 /// Wᵀ by columns.
-detail::SixColumns<double, 2> six_columns(const Eigen::Matrix<double, 2, 6>& W)
+template <class Scalar, int n>
+detail::SixColumns<Scalar, n> six_columns(const Eigen::Matrix<Scalar, n, 6>& W)
 {
-  const Eigen::Matrix<double, 6, 2> Wt = W.transpose();
-  return {{detail::TriplePair<double>(&Wt(0, 0)), detail::TriplePair<double>(&Wt(0, 1))}};
+  const Eigen::Matrix<Scalar, 6, n> Wt = W.transpose();
+  detail::SixColumns<Scalar, n> columns;
+  for (int d = 0; d < n; ++d) { columns[d] = detail::TriplePair<Scalar>(&Wt(0, d)); }
+  return columns;
 }
 
 // A few roundings of numbers of size one to ten.
@@ -61,44 +67,57 @@ constexpr double tolerance = 64 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
-TEST_CASE("shifts are X(r), its transpose and its congruence")
+// float and, with AVX2, double keep columns in registers; long double is any other Scalar.
+TEMPLATE_TEST_CASE("shifts are X(r), its transpose and its congruence", "", float, double, long double)
 {
+  using Scalar = TestType;
+  const Scalar tolerance = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
   for (int k = 0; k < 20; ++k) {
-    const auto r = random<Vector3<double>>();
-    const auto V = random<Vector6<double>>();
-    const Matrix6<double> X = twist_transform(r);
+    const auto r = random<Vector3<Scalar>>();
+    const auto V = random<Vector6<Scalar>>();
+    const Matrix6<Scalar> X = twist_transform(r);
     CHECK((shift_twist(r, V) - X * V).norm() < tolerance);
     CHECK((shift_wrench(r, V) - X.transpose() * V).norm() < tolerance);
-    const SpatialInertia<double> A = random_inertia();
-    SpatialInertia<double> sum = random_inertia();
-    const Matrix6<double> expected = sum.dense() + X.transpose() * A.dense() * X;
+    const SpatialInertia<Scalar> A = random_inertia<Scalar>();
+    SpatialInertia<Scalar> sum = random_inertia<Scalar>();
+    const Matrix6<Scalar> expected = sum.dense() + X.transpose() * A.dense() * X;
     sum.add_shifted(A, r);
     CHECK((sum.dense() - expected).norm() < tolerance);
   }
 }
 
-TEST_CASE("the projected inertia is the congruence, and what the printed update gives")
+template <class Scalar, int n, MotionPattern pattern>
+void check_update()
 {
-  constexpr MotionPattern all{};
+  const Scalar tolerance = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
+  const SpatialInertia<Scalar> A = random_inertia<Scalar>();
+  auto S = random<Eigen::Matrix<Scalar, 6, n>>();
+  if (!pattern.linear) { S.template topRows<3>().setZero(); }
+  if (!pattern.angular) { S.template bottomRows<3>().setZero(); }
+  detail::SixColumns<Scalar, n> columns;
+  detail::inertia_times<pattern>(A, S, columns);
+  const Eigen::Matrix<Scalar, 6, n> U = dense(columns);
+  CHECK((U - A.dense() * S).norm() < tolerance);
+  const auto W = random<Eigen::Matrix<Scalar, n, 6>>();
+  const Matrix6<Scalar> P = Matrix6<Scalar>::Identity() - S * W;
+  CHECK((detail::projected<pattern>(A, S, columns, six_columns<Scalar, n>(W)).dense() - P.transpose() * A.dense() * P).norm() <
+        8 * tolerance);
+  SpatialInertia<Scalar> printed = A;
+  const Eigen::Matrix<Scalar, n, 6> gain = (S.transpose() * U).inverse() * U.transpose();
+  detail::subtract_product(columns, six_columns<Scalar, n>(gain), printed);
+  CHECK((printed.dense() - (A.dense() - U * gain)).norm() < tolerance * (1 + U.norm() * gain.norm()));
+  const auto z = random<Vector6<Scalar>>();
+  SpatialInertia<Scalar> square = A;
+  detail::add_square(Scalar(3), detail::TriplePair<Scalar>(z.data()), square);
+  CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < tolerance);
+}
+
+TEMPLATE_TEST_CASE("the projected inertia is the congruence, and what the printed update gives", "", float, double, long double)
+{
   for (int k = 0; k < 20; ++k) {
-    const SpatialInertia<double> A = random_inertia();
-    const auto S = random<Eigen::Matrix<double, 6, 2>>();
-    detail::SixColumns<double, 2> columns;
-    detail::inertia_times<all>(A, S, columns);
-    const Eigen::Matrix<double, 6, 2> U = dense(columns);
-    CHECK((U - A.dense() * S).norm() < tolerance);
-    const auto W = random<Eigen::Matrix<double, 2, 6>>();
-    const Matrix6<double> P = Matrix6<double>::Identity() - S * W;
-    CHECK((detail::projected<all>(A, S, columns, six_columns(W)).dense() - P.transpose() * A.dense() * P).norm() <
-          8 * tolerance);
-    SpatialInertia<double> printed = A;
-    const Eigen::Matrix<double, 2, 6> gain = (S.transpose() * U).inverse() * U.transpose();
-    detail::subtract_product(columns, six_columns(gain), printed);
-    CHECK((printed.dense() - (A.dense() - U * gain)).norm() < tolerance * (1 + U.norm() * gain.norm()));
-    const auto z = random<Vector6<double>>();
-    SpatialInertia<double> square = A;
-    detail::add_square(3.0, detail::TriplePair<double>(z.data()), square);
-    CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < tolerance);
+    check_update<TestType, 2, MotionPattern{}>();
+    check_update<TestType, 1, MotionPattern{.linear = false}>();
+    check_update<TestType, 1, MotionPattern{.angular = false}>();
   }
 }
 

@@ -1,7 +1,7 @@
 // SpatialInertia of one state in float or double: columns of 3 × 3 blocks, each in a register.
 //
 // A step of the inward loop is then some ninety vector operations in place of five hundred on single numbers. M and J are
-// kept whole; what rounds differently above and below their diagonals ends with the step, in add_shifted.
+// kept whole; what rounds differently above and below their diagonals does not grow: add_shifted takes the mean.
 #pragma once
 
 #include <iim/spatial.hpp>

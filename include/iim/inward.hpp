@@ -65,8 +65,9 @@ template <class S, class N, class Workspace>
 /// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling point
 /// that comes with the inlet turning.
 template <Scene scene, class Scalar>
-[[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench, const Vector3<Scalar>& c,
-                                           const Vector3<Scalar>& r, FrameState<Scalar>& inlet)
+[[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench,
+                                           const Vector3<Scalar>& c, const Vector3<Scalar>& r,
+                                           FrameState<Scalar>& inlet)
 {
   TriplePair<Scalar> p = wrench;
   if constexpr (scene.velocity) { p += A.of_linear(c); }

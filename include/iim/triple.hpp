@@ -1,4 +1,4 @@
-// Three numbers that are worked on together, and pairs of them: wrenches and gains of the inward loop, columns of 3 × 3 blocks.
+// Three numbers that are worked on together, and pairs of them: columns of 3 × 3 blocks, wrenches, gains.
 #pragma once
 
 #include <array>
@@ -208,7 +208,10 @@ struct TriplePair {
     angular = angular - other.angular;
     return *this;
   }
-  [[gnu::always_inline]] friend TriplePair operator*(const TriplePair& a, const Scalar& s) { return {a.linear * s, a.angular * s}; }
+  [[gnu::always_inline]] friend TriplePair operator*(const TriplePair& a, const Scalar& s)
+  {
+    return {a.linear * s, a.angular * s};
+  }
   [[gnu::always_inline]] void put(Scalar* x) const
   {
     linear.put(x);

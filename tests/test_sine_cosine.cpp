@@ -1,0 +1,57 @@
+// Sine and cosine inline, against the same in long double.
+#include <catch.hpp>
+#include <iim/scalar.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace {
+
+/// Error of `value` in units of the last place of `exact`.
+template <class Scalar>
+long double ulps(Scalar value, long double exact)
+{
+  const Scalar size = std::abs(static_cast<Scalar>(exact));
+  return std::abs(value - exact) / (std::nextafter(size, std::numeric_limits<Scalar>::infinity()) - size);
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("sine and cosine to one unit in the last place", "", float, double)
+{
+  std::mt19937 random_source(11);
+  long double worst = 0;
+  for (const double range : {1e-3, 0.8, 3.2, 100.0, 9999.0, 1e5, 1e12}) {
+    std::uniform_real_distribution<double> angle(-range, range);
+    for (int k = 0; k < 20000; ++k) {
+      const auto q = static_cast<TestType>(angle(random_source));
+      TestType s, c;
+      iim::detail::sine_cosine(q, s, c);
+      worst = std::max(
+          {worst, ulps(s, std::sin(static_cast<long double>(q))), ulps(c, std::cos(static_cast<long double>(q)))});
+    }
+  }
+  // Beside a multiple of π/2 one of the two is as small as it gets.
+  for (int k = -6000; k <= 6000; ++k) {
+    const auto q = static_cast<TestType>(k * 1.57079632679489661923);
+    TestType s, c;
+    iim::detail::sine_cosine(q, s, c);
+    worst = std::max(
+        {worst, ulps(s, std::sin(static_cast<long double>(q))), ulps(c, std::cos(static_cast<long double>(q)))});
+  }
+  INFO("worst " << worst);
+  CHECK(worst < 1);
+}
+
+TEMPLATE_TEST_CASE("sine and cosine of what is no angle are not finite", "", float, double)
+{
+  for (const TestType q : {std::numeric_limits<TestType>::infinity(), -std::numeric_limits<TestType>::infinity(),
+                           std::numeric_limits<TestType>::quiet_NaN()}) {
+    TestType s, c;
+    iim::detail::sine_cosine(q, s, c);
+    CHECK(std::isnan(s));
+    CHECK(std::isnan(c));
+  }
+}
