@@ -71,25 +71,25 @@ constexpr double tolerance = 64 * std::numeric_limits<double>::epsilon();
 TEMPLATE_TEST_CASE("shifts are X(r), its transpose and its congruence", "", float, double, long double)
 {
   using Scalar = TestType;
-  const Scalar tolerance = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
+  const Scalar slack = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
   for (int k = 0; k < 20; ++k) {
     const auto r = random<Vector3<Scalar>>();
     const auto V = random<Vector6<Scalar>>();
     const Matrix6<Scalar> X = twist_transform(r);
-    CHECK((shift_twist(r, V) - X * V).norm() < tolerance);
-    CHECK((shift_wrench(r, V) - X.transpose() * V).norm() < tolerance);
+    CHECK((shift_twist(r, V) - X * V).norm() < slack);
+    CHECK((shift_wrench(r, V) - X.transpose() * V).norm() < slack);
     const SpatialInertia<Scalar> A = random_inertia<Scalar>();
     SpatialInertia<Scalar> sum = random_inertia<Scalar>();
     const Matrix6<Scalar> expected = sum.dense() + X.transpose() * A.dense() * X;
     sum.add_shifted(A, r);
-    CHECK((sum.dense() - expected).norm() < tolerance);
+    CHECK((sum.dense() - expected).norm() < slack);
   }
 }
 
 template <class Scalar, int n, MotionPattern pattern>
 void check_update()
 {
-  const Scalar tolerance = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
+  const Scalar slack = 64 * std::numeric_limits<Scalar>::epsilon();  // as above
   const SpatialInertia<Scalar> A = random_inertia<Scalar>();
   auto S = random<Eigen::Matrix<Scalar, 6, n>>();
   if (!pattern.linear) { S.template topRows<3>().setZero(); }
@@ -97,19 +97,19 @@ void check_update()
   detail::SixColumns<Scalar, n> columns;
   detail::inertia_times<pattern>(A, S, columns);
   const Eigen::Matrix<Scalar, 6, n> U = dense(columns);
-  CHECK((U - A.dense() * S).norm() < tolerance);
+  CHECK((U - A.dense() * S).norm() < slack);
   const auto W = random<Eigen::Matrix<Scalar, n, 6>>();
   const Matrix6<Scalar> P = Matrix6<Scalar>::Identity() - S * W;
   CHECK((detail::projected<pattern>(A, S, columns, six_columns<Scalar, n>(W)).dense() - P.transpose() * A.dense() * P).norm() <
-        8 * tolerance);
+        8 * slack);
   SpatialInertia<Scalar> printed = A;
   const Eigen::Matrix<Scalar, n, 6> gain = (S.transpose() * U).inverse() * U.transpose();
   detail::subtract_product(columns, six_columns<Scalar, n>(gain), printed);
-  CHECK((printed.dense() - (A.dense() - U * gain)).norm() < tolerance * (1 + U.norm() * gain.norm()));
+  CHECK((printed.dense() - (A.dense() - U * gain)).norm() < slack * (1 + U.norm() * gain.norm()));
   const auto z = random<Vector6<Scalar>>();
   SpatialInertia<Scalar> square = A;
   detail::add_square(Scalar(3), detail::TriplePair<Scalar>(z.data()), square);
-  CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < tolerance);
+  CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < slack);
 }
 
 TEMPLATE_TEST_CASE("the projected inertia is the congruence, and what the printed update gives", "", float, double, long double)
