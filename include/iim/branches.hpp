@@ -155,6 +155,17 @@ private:
   std::vector<Index> limb_of_velocity_;
 };
 
+/// One column of β, sorted along the tree.
+template <class Scalar>
+struct BetaColumn {
+  Index bhat;         ///< column of B̂
+  Index subsystem;    ///< that the input acts on
+  Index v;            ///< row of L that it is, times `scale`; −1: something else
+  Index depth;        ///< path positions that the input reaches
+  Scalar* row;        ///< by path position; zero in the lanes after the last
+  Scalar scale;       ///< of all of these
+};
+
 /// Memory for something per frame that only the frame's children read, on a walk outward: it lives until the last child
 /// is done, which may write over it.
 class FrameBuffers {

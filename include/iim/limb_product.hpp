@@ -1,14 +1,16 @@
-// A tile of the product B̂ = L β where a Scalar holds several states: path positions of a limb take a few columns of inputs to
-// the rows of its subtree.
+// The product B̂ = L β where a register holds one number, or one of several states: limb by limb, the path positions of a
+// limb take the inputs on its subtree to the rows of it.
 #pragma once
 
 #include <iim/branches.hpp>
 #include <iim/registers.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <vector>
 
 namespace iim::detail {
 
@@ -16,15 +18,14 @@ namespace iim::detail {
 template <class Scalar>
 inline constexpr bool is_register = requires(Scalar& x) { x.hold(); };
 
-/// L: entry (v, a) at L[v·L_stride + a], a: path position. β: entry (a, j) at beta[j·beta_stride + a].
+/// A few columns. L: entry (v, a) at L[v·L_stride + a], a: path position. β: entry (a, j) at beta[j][a].
 template <class Scalar, int count>
 struct LimbTile {
   const Limb& limb;
   Index depth;  ///< path positions that one of the columns reaches
   const Scalar* L;
   Index L_stride;
-  const Scalar* beta;
-  Index beta_stride;
+  std::array<const Scalar*, count> beta;
   const Index* path_end;  ///< of a row: L is zero from this path position on
   std::array<Scalar*, count> column;  ///< of B̂
 };
@@ -37,7 +38,7 @@ template <int depth, bool assign, class Scalar, int count>
   std::array<Scalar, depth * count> beta;
   unrolled<count>([&](auto j) __attribute__((always_inline)) {
     unrolled<depth>([&](auto k) __attribute__((always_inline)) {
-      beta[j * depth + k] = tile.beta[j * tile.beta_stride + a + k];
+      beta[j * depth + k] = tile.beta[j][a + k];
     });
   });
   Index v = tile.limb.v;
@@ -50,7 +51,7 @@ template <int depth, bool assign, class Scalar, int count>
     std::array<Scalar, count> sum;
     unrolled<depth>([&](auto k) __attribute__((always_inline)) {
       Scalar L = l[k];
-      L.hold();
+      hold(L);
       unrolled<count>([&](auto j) __attribute__((always_inline)) {
         if constexpr (k == 0) {
           sum[j] = L * beta[j * depth];
@@ -61,7 +62,7 @@ template <int depth, bool assign, class Scalar, int count>
     });
     unrolled<count>([&](auto j) __attribute__((always_inline)) {
       column[j][v] = assign ? sum[j] : Scalar(column[j][v] + sum[j]);
-      all += sum[j];
+      if constexpr (is_register<Scalar>) { all += sum[j]; }
     });
   }
   check = all;
@@ -84,7 +85,7 @@ template <int most, class Scalar, int count>
 template <class Scalar, int count>
 void multiply(const LimbTile<Scalar, count>& tile, Scalar& check)
 {
-  constexpr int most = 6;  // 24 registers for β of four columns, of 32
+  constexpr int most = is_register<Scalar> ? 6 : 1;  // 24 registers for β of four columns, of 32
   if (tile.limb.parent < 0 && tile.depth <= tile.limb.begin) {  // inputs on what cannot move
     for (Scalar* column : tile.column) { std::fill(column + tile.limb.v, column + tile.limb.v_end, Scalar(0)); }
   }
@@ -96,5 +97,74 @@ void multiply(const LimbTile<Scalar, count>& tile, Scalar& check)
     a += size;
   }
 }
+
+template <class Scalar>
+class LimbProduct {
+public:
+  template <class Tree>
+  explicit LimbProduct(const Tree& tree) : limbs_(tree)
+  {
+    for (const Node& node : tree.nodes()) {
+      const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
+      path_end_.insert(path_end_.end(), at(own_end - node.v), node.path_v + own_end - node.v);
+      if (limbs_.limb_of(node.index) == static_cast<Index>(subsystems_.size())) {
+        subsystems_.push_back({node.index, node.subtree_end});
+      }
+      roots_ += node.parent < 0;
+    }
+  }
+
+  /// B̂ = L β. L_rows: row v by path position. The columns on subsystems before i are the first first_column[i]; their rows
+  /// become zero from their depth to the end of their limb. Returns true if B̂ is known to be finite.
+  template <class Matrix>
+  bool operator()(const MatrixX<Scalar>& L_rows, const std::vector<Index>&, const std::vector<BetaColumn<Scalar>>& columns,
+                  const std::vector<Index>& first_column, Matrix& Bhat)
+  {
+    check_ = Scalar(0);
+    if (roots_ != 1) { Bhat.setZero(); }
+    for (Index j = 0; j < first_column.back(); ++j) {
+      const BetaColumn<Scalar>& column = columns[at(j)];
+      std::fill(column.row + column.depth, column.row + limbs_[limbs_.limb_of(column.subsystem)].end, Scalar(0));
+    }
+    for (Index k = 0; k < limbs_.size(); ++k) {
+      const auto [subsystem, subtree_end] = subsystems_[at(k)];
+      const Index end = first_column[at(subtree_end)];
+      Index j = first_column[at(subsystem)];
+      for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+      if constexpr (is_register<Scalar>) {
+        for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+      }
+      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+    }
+    return is_register<Scalar> && detail::is_finite(check_);
+  }
+
+private:
+  /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
+  template <int count, class Matrix>
+  void multiply_tile(const Limb& limb, const MatrixX<Scalar>& L_rows, const BetaColumn<Scalar>* columns, Matrix& Bhat)
+  {
+    LimbTile<Scalar, count> tile{limb, 0, L_rows.data(), L_rows.rows(), {}, path_end_.data(), {}};
+    for (int j = 0; j < count; ++j) {
+      tile.depth = std::max(tile.depth, columns[j].depth);
+      tile.beta[at(j)] = columns[j].row;
+      tile.column[at(j)] = Bhat.data() + columns[j].bhat * Bhat.rows();
+    }
+    tile.depth = std::min(tile.depth, limb.end);
+    multiply(tile, check_);
+  }
+
+  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  struct Range {
+    Index begin, end;
+  };
+
+  Limbs limbs_;
+  std::vector<Index> path_end_;    // of a row: path positions up to and including its subsystem
+  std::vector<Range> subsystems_;  // of a limb: those of its subtree
+  Index roots_ = 0;
+  Scalar check_;  // the sum of all that was written to B̂, if Scalar is a register
+};
 
 }  // namespace iim::detail
