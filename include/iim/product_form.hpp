@@ -123,7 +123,7 @@ private:
                                         Index own)
   {
     constexpr int n_i = S::n_i;
-    constexpr bool apart = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+    constexpr bool apart = one_column<S, Workspace>;
     const Index depth = depth_;
     Scalar* const L_rows = L_rows_.data() + node.v * depth;
     const Scalar* const inlet = needed > 0 ? H(node.inlet) : nullptr;

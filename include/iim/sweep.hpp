@@ -137,7 +137,7 @@ private:
       constexpr int n_i = S::n_i;
       if (reach_[at(node.index)] != acted) { return; }
       const NodeState<S>& state = ws.template node<S>(node);
-      constexpr bool apart = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+      constexpr bool apart = one_column<S, Workspace>;
       [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
       Six p = frames_[at(node.frame)];
       for (int k = 1; k < S::n_frames; ++k) {
@@ -198,7 +198,7 @@ private:
         reach = carried;
       }
       const NodeState<S>& state = ws.template node<S>(node);
-      constexpr bool apart = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+      constexpr bool apart = one_column<S, Workspace>;
       [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
       Six y;
       if (guided) {
