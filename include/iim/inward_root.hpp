@@ -192,6 +192,12 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     hq(0) += N_0.h_along;
     add(hg, N_0.h);
   }
+  // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in it.
+  if constexpr (keeps_v) {
+    if (count == 0) { rows[count++].setZero(); }
+    eliminate_along(rows, count);
+  }
+  const int bodies = count;
   [[maybe_unused]] int n_put = 0;
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
 #pragma GCC unroll 8
@@ -232,11 +238,18 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
-    eliminate_along(rows, count);
+    if (n_put > 0) {
+      std::array<RootRow<Scalar>, 1 + n_within + abreast> few;
+      few[0] = rows[0];
+      std::copy(rows + bodies, rows + count, few.begin() + 1);
+      eliminate_along(few.data(), 1 + n_put);
+      rows[0] = few[0];
+      std::copy(few.begin() + 1, few.begin() + 1 + n_put, rows + bodies);
+    }
     v[0](0) = rows[0](along_S);
     C(0, 0) = Scalar(1) / v[0](0);
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
-    regular = count > 0 && ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
+    regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
     if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }
   } else if constexpr (is_free<S>()) {
     regular = eliminate_free<Scalar, most>(own_rows, count, state.S_k[0], v, C);
@@ -295,13 +308,16 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     put_wrench<S>(node, state, hg, ws.load()(node.v), ws);
     const RootRow<Scalar>* left = rows + n_i;
     int left_rows = count - n_i;
-    std::array<RootRow<Scalar>, 6> compressed;
+    std::array<RootRow<Scalar>, 6 + n_within> compressed;
     const RootInertia<Scalar>& inlet = ws.root(node.inlet);
     const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
     if (light || inlet.rows + left_rows > inlet.loose) {
       std::array<int, 6> pivot;
-      const int rank = annihilated ? 6 - n_i : 6;
-      left_rows = compress<6, room>(left, left_rows, compressed.data(), pivot, rank);
+      const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
+      const int rank = keeps_v || annihilated ? 6 - n_i : 6;
+      left_rows = compress<6, room>(left, left_rows - apart, compressed.data(), pivot, rank);
+      std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows);
+      left_rows += apart;
       left = compressed.data();
     }
     const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());

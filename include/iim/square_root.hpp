@@ -13,6 +13,8 @@
 // and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
 // v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its own
 // axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child.
+// Rotors and springs come after the bodies, in a reflection of their own: together, each row of a heavy link would get a small
+// share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the rotor's row.
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
