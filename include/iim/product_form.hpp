@@ -101,7 +101,7 @@ private:
   void number_inputs()
   {
     Index column = 0;
-    std::size_t next = 0;  // one loop over the inputs, not one per subsystem: 3 % of the tree of 63
+    std::size_t next = 0;  // one loop over the inputs, not one per subsystem
     inputs_.for_each([&](const Input<Scalar>& input, Index) {
       for (; next <= at(input.subsystem); ++next) { first_column_[next] = column; }
       column += input.size;

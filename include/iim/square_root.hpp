@@ -7,14 +7,15 @@
 //     Q [ v  N  z − N bias ] = [ T  N₁  z₁ ]        D = M̄_R = TᵀT,   W = T⁻¹N₁,   q̈ = T⁻¹z₁ − W y      (17), (18)
 //                              [ 0  N'  z' ]        A' = A − U W = N'ᵀN'                               (14), (16)
 //
-// so that the rows below are what the parent sees; where they are many, a further Q reduces them to as many as A' has rank.
-// The rows [N' X(r) | z' − N' c] are stacked on the parent's own. Nothing is subtracted from anything of its own size: the error of
-// A' is relative to each row, whatever the other rows weigh, if rows and columns are pivoted (Powell and Reid 1969; Cox
-// and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
+// so that the rows below are what the parent sees; where they are many, a further Q reduces them to as many as A' has
+// rank. The rows [N' X(r) | z' − N' c] are stacked on the parent's own. Nothing is subtracted from anything of its own
+// size: the error of A' is relative to each row, whatever the other rows weigh, if rows and columns are pivoted (Powell
+// and Reid 1969; Cox and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
 // v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its own
 // axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child.
-// Rotors and springs come after the bodies, in a reflection of their own: together, each row of a heavy link would get a small
-// share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the rotor's row.
+// Rotors and springs come after the bodies, in a reflection of their own: together, each row of a heavy link would get a
+// small share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the
+// rotor's row.
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
