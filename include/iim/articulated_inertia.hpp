@@ -105,13 +105,12 @@ template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_scale(const FrameState<Scalar>& f, const Eigen::Matrix<Scalar, 6, n>& S,
                                              Eigen::Matrix<Scalar, n, 1>& scale)
 {
-  const Scalar reduced_mass = f.mass_size * Scalar(0.25), reduced_inertia = f.inertia_size * Scalar(0.25);
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
-      if constexpr (pattern.linear) { scale(d) += S(i, d) * S(i, d) * (f.A.M(i, i) + reduced_mass); }
-      if constexpr (pattern.angular) { scale(d) += S(i + 3, d) * S(i + 3, d) * (f.A.J(i, i) + reduced_inertia); }
+      if constexpr (pattern.linear) { scale(d) += S(i, d) * S(i, d) * (f.A.M(i, i) + f.mass_size(i)); }
+      if constexpr (pattern.angular) { scale(d) += S(i + 3, d) * S(i + 3, d) * (f.A.J(i, i) + f.inertia_size(i)); }
     }
   }
 }

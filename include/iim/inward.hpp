@@ -44,21 +44,28 @@ template <Scene scene, class S, class N, class Workspace>
   h += TriplePair<Scalar>(h_body.data());
 }
 
-/// What the inertia on the frames has been reduced from, as the inlet sees it.
+/// What the inertia on the frames has been reduced from, as the inlet sees it: along each axis for itself, since what a chain
+/// in a plane weighs across that plane does not round what is in it.
 template <class S, class N, class Workspace>
 [[gnu::always_inline]] inline void pass_size(const N& node, const Vector3<typename S::Scalar>& r, Workspace& ws)
 {
   using std::max;
   using Scalar = typename S::Scalar;
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  const Vector3<Scalar> square(r(0) * r(0), r(1) * r(1), r(2) * r(2));
 #pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    const Scalar mass = max(f.mass_size, f.A.M.trace());
-    const Scalar inertia = max(f.inertia_size, f.A.J.trace());
-    const Scalar distant = mass * (r(0) * r(0) + r(1) * r(1) + r(2) * r(2));
-    inlet.mass_size = max(inlet.mass_size, mass);
-    inlet.inertia_size = max(inlet.inertia_size, max(inertia, distant));
+    Vector3<Scalar> mass;
+#pragma GCC unroll 8
+    for (int i = 0; i < 3; ++i) { mass(i) = max(f.mass_size(i), f.A.M(i, i)); }
+#pragma GCC unroll 8
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, l = (i + 2) % 3;
+      const Scalar distant = mass(j) * square(l) + mass(l) * square(j);
+      inlet.mass_size(i) = max(inlet.mass_size(i), mass(i));
+      inlet.inertia_size(i) = max(inlet.inertia_size(i), max(max(f.inertia_size(i), f.A.J(i, i)), distant));
+    }
   }
 }
 
@@ -93,7 +100,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   // U, D, h_g, h_q over the frames.
   std::array<Columns, n_frames> U_k;
   Eigen::Matrix<Scalar, n_i, n_i> D;
-  TriplePair<Scalar> hg;
+  TriplePair<Scalar> hg{};
   VectorI hq, scale;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {

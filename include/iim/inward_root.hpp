@@ -238,11 +238,12 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
-    if (n_put > 0) {
+    if constexpr (n_within > 0) {
       std::array<RootRow<Scalar>, 1 + n_within + abreast> few;
+      n_put = std::min(n_put, n_within);  // as it is, for compilers to see
       few[0] = rows[0];
-      std::copy(rows + bodies, rows + count, few.begin() + 1);
-      eliminate_along(few.data(), 1 + n_put);
+      std::copy(rows + bodies, rows + bodies + n_put, few.begin() + 1);
+      if (n_put > 0) { eliminate_along(few.data(), 1 + n_put); }
       rows[0] = few[0];
       std::copy(few.begin() + 1, few.begin() + 1 + n_put, rows + bodies);
     }
@@ -316,7 +317,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
       const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
       const int rank = keeps_v || annihilated ? 6 - n_i : 6;
       left_rows = compress<6, room>(left, left_rows - apart, compressed.data(), pivot, rank);
-      std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows);
+      if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
       left_rows += apart;
       left = compressed.data();
     }

@@ -36,8 +36,8 @@ struct FrameState {
   Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
   SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
   Vector6<Scalar> h;            ///< bias wrench of the same
-  Scalar mass_size;             ///< traces of the largest mass and inertia that A is reduced from: its roundings are some
-  Scalar inertia_size;          ///< ε of these, whatever is left of A
+  Vector3<Scalar> mass_size;     ///< diagonals of the largest mass and inertia that A is reduced from: its roundings are
+  Vector3<Scalar> inertia_size;  ///< some ε of these, whatever is left of A
   Vector6<Scalar> Vdot;         ///< acceleration
 };
 

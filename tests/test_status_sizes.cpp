@@ -1,0 +1,80 @@
+// Where a pivot is told from its roundings: what must be refused, and what only looks as if.
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <iim/iim.hpp>
+#include <iim/models.hpp>
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+using namespace iim;
+
+namespace {
+
+template <class Scalar>
+using Tree = decltype(DynamicTree(std::declval<const StandardAssembly<Scalar>&>()));
+
+/// A floating base with one limb of one to five links, `load` times as heavy as the random bodies are.
+StandardAssembly<double> base_and_limb(const Body<double>& base, double load, test::Random& random)
+{
+  StandardAssembly<double> assembly;
+  assembly.add("base", {}, FloatingBase<double>{base});
+  std::string parent = "base";
+  for (int k = random.below(5); k >= 0; --k) {
+    RevoluteLink<double> link{{random.axis()}, random.body()};
+    link.body.mass *= load;
+    link.body.inertia *= load;
+    const std::string name = "link" + std::to_string(k);
+    assembly.add(name, {parent, random.rotation(), random.vector(0.5)}, link);
+    parent = name;
+  }
+  return assembly;
+}
+
+template <class Scalar>
+Status square_root_status(const StandardAssembly<double>& assembly, test::Random& random)
+{
+  const Tree<Scalar> tree(assembly.cast<Scalar>());
+  Workspace<Tree<Scalar>, Update::square_root> ws(tree);
+  const test::RandomState x = test::random_state(tree, 0, random);
+  return forward_dynamics(x.q.cast<Scalar>().eval(), x.qd.cast<Scalar>().eval(), ws).status();
+}
+
+}  // namespace
+
+TEST_CASE("a chain of 1000 links in a plane is heavy across the plane only: float has all of its digits")
+{
+  const StandardAssembly<double> chain = models::chain<double>(1000);
+  const Tree<double> exact(chain);
+  const Tree<float> tree(chain.cast<float>());
+  Workspace<Tree<double>> exact_ws(exact);
+  Workspace<Tree<float>> ws(tree);
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    test::Random random(seed);
+    const test::RandomState x = test::random_state(exact, 0, random);
+    const VectorX<float> q = x.q.cast<float>(), qd = x.qd.cast<float>();
+    const auto reference = forward_dynamics(q.cast<double>().eval(), qd.cast<double>().eval(), exact_ws);
+    const auto fd = forward_dynamics(q, qd, ws);
+    REQUIRE(reference.ok());
+    REQUIRE(fd.ok());
+    const double error = (fd.qdd0().cast<double>() - reference.qdd0()).norm() / reference.qdd0().norm();
+    CHECK(error < 64 * std::numeric_limits<float>::epsilon());
+  }
+}
+
+TEST_CASE("square-root form: a base without mass on one limb is refused, a base up to 1e10 times lighter is not")
+{
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    CAPTURE(seed);
+    test::Random random(seed);
+    const auto massless = base_and_limb(Body<double>::massless(), 1, random);
+    CHECK(square_root_status<double>(massless, random) == Status::not_positive_definite);
+    CHECK(square_root_status<float>(massless, random) == Status::not_positive_definite);
+    const auto light = base_and_limb(random.body(), std::pow(10.0, random.uniform(0, 10)), random);
+    CHECK(square_root_status<double>(light, random) == Status::ok);
+    CHECK(square_root_status<float>(light, random) == Status::ok);
+  }
+}
