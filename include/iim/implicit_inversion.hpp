@@ -38,11 +38,13 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
-  constexpr Cost node_cost = several ? Cost{36, 12} : Cost{0, 12};
-  constexpr Cost column_cost = several ? Cost{6, 10} : Cost{10, 13};
+  constexpr double call_cost = several ? 130 : 0;  // of the product
+  constexpr double input_cost = several ? 30 : 0;  // and per column of B̂
+  constexpr Cost node_cost = several ? Cost{20, 12} : Cost{0, 12};
+  constexpr Cost column_cost = several ? Cost{12, 21} : Cost{10, 13};
   constexpr Cost outward_cost = several ? Cost{20, 26} : Cost{12, 15};
   constexpr Cost inward_cost = several ? Cost{48, 26} : Cost{28, 15};
-  double factors = 0;  // L and H
+  double factors = call_cost;  // L and H
   double everywhere = 0;                // outward loop of the sweep
   double longest = 0;                   // its inward loop, along the longest path of an input
   std::vector<double> path(static_cast<std::size_t>(tree.size()), 0);
@@ -69,7 +71,7 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
     longest = std::max(longest, path[static_cast<std::size_t>(input.subsystem)]);
   }
   const Index most = inputs.max_columns();
-  const double column = most > 0 ? product / static_cast<double>(most) : 0.0;
+  const double column = input_cost + (most > 0 ? product / static_cast<double>(most) : 0.0);
   for (Index m = 1; m <= most; ++m) {
     const double count = static_cast<double>(m);
     if (factors + count * column < std::ceil(count / lanes) * (everywhere + longest)) { return m; }
