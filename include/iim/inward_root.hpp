@@ -62,18 +62,13 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
   for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
 }
 
-template <class Scalar>
-const Scalar& larger(const Scalar& a, const Scalar& b)
-{
-  return a > b ? a : b;
-}
-
 /// √m of the heaviest body that the frames of S carry.
 template <class S, class N, class Workspace>
 typename S::Scalar heaviest(const N& node, const Workspace& ws)
 {
+  using std::max;
   typename S::Scalar root = ws.root(node.frame).heaviest;
-  for (int k = 1; k < S::n_frames; ++k) { root = larger(root, ws.root(node.frame + k).heaviest); }
+  for (int k = 1; k < S::n_frames; ++k) { root = max(root, ws.root(node.frame + k).heaviest); }
   return root;
 }
 
@@ -85,6 +80,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
                     Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero())
 {
   using std::abs;
+  using std::max;
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   constexpr int capacity = RootInertia<Scalar>::most;
@@ -120,8 +116,8 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
       for (int r = 0; r < body_rows; ++r, ++row) { *row = moved(*row, body_move); }
     }
   };
-  inlet.heaviest = larger(inlet.heaviest, heaviest<S>(node, ws));
-  if (body_rows > 0) { inlet.heaviest = larger(inlet.heaviest, body.root_mass); }
+  inlet.heaviest = max(inlet.heaviest, heaviest<S>(node, ws));
+  if (body_rows > 0) { inlet.heaviest = max(inlet.heaviest, body.root_mass); }
   const int rows = inlet.rows + count + body_rows;
   if (rows <= capacity) {
     stack_on(inlet.row.data() + inlet.rows);
