@@ -49,6 +49,8 @@ void check_arithmetic()
       CHECK((a / b)[k] == a[k] / b[k]);
       CHECK((-a)[k] == -a[k]);
       CHECK(abs(a)[k] == std::abs(a[k]));
+      CHECK(max(a, b)[k] == std::max(a[k], b[k]));
+      CHECK(min(a, b)[k] == std::min(a[k], b[k]));
       CHECK(sqrt(a * a)[k] == std::sqrt(a[k] * a[k]));
       CHECK(atan2(a, b)[k] == std::atan2(a[k], b[k]));
     }

@@ -164,6 +164,15 @@ public:
     return each([&](int k) { return std::sqrt(a[k]); });
   }
   friend Lanes abs(const Lanes& a) { return each([&](int k) { return std::abs(a[k]); }); }
+  // Of vectors: what is written lane by lane stays so with g++ (8 % of the O(n) pass, whose sizes are maxima).
+  [[gnu::always_inline]] friend inline Lanes max(const Lanes& a, const Lanes& b)
+  {
+    return of(a.v_ < b.v_ ? b.v_ : a.v_);
+  }
+  [[gnu::always_inline]] friend inline Lanes min(const Lanes& a, const Lanes& b)
+  {
+    return of(b.v_ < a.v_ ? b.v_ : a.v_);
+  }
   friend Lanes fabs(const Lanes& a) { return abs(a); }
 
   friend inline Lanes sin(const Lanes& a) { return sine(a, 0); }
@@ -180,8 +189,6 @@ public:
   friend Lanes tanh(const Lanes& a) { return each([&](int k) { return std::tanh(a[k]); }); }
   friend Lanes hypot(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::hypot(a[k], b[k]); }); }
   friend Lanes pow(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::pow(a[k], b[k]); }); }
-  friend Lanes max(const Lanes& a, const Lanes& b) { return each([&](int k) { return a[k] < b[k] ? b[k] : a[k]; }); }
-  friend Lanes min(const Lanes& a, const Lanes& b) { return each([&](int k) { return b[k] < a[k] ? b[k] : a[k]; }); }
 
   friend bool isfinite(const Lanes& a) { return a.is_finite(); }
   friend std::ostream& operator<<(std::ostream& out, const Lanes& a)
