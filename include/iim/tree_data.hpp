@@ -95,7 +95,12 @@ protected:
       : gravity_(assembly.gravity())
   {
     for (const auto& part : parts) {
-      std::visit([&](const auto& s) { append(part, s); }, part.part);
+      std::visit(
+          [&]<class S>(const S& s) {
+            append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
+            for (const CarriedBody<Scalar>& carried : s.bodies()) { carry(carried); }
+          },
+          part.part);
     }
     close_subtrees();
     for (const auto& frame : assembly.named_frames()) {
@@ -111,8 +116,13 @@ protected:
   std::vector<Node> nodes_;
 
 private:
-  template <class Part, class S>
-  void append(const Part& part, const S& s)
+  struct Sizes {
+    int n_q, n_i, n_u, n_frames;
+  };
+
+  // Not by type of the subsystem: this is the same for all, and what it would cost is compile time.
+  template <class Part>
+  void append(const Part& part, const Sizes& s)
   {
     Node node;
     node.index = size();
@@ -127,13 +137,13 @@ private:
       node.inlet = parent.frame + part.on.outlet;
       node.path_v = parent.path_v + (parent.v_end - parent.v);  // v_end is the parent's own until close_subtrees
     }
-    n_q_ += S::n_q;
-    n_v_ += S::n_i;
-    n_u_ += S::n_u;
-    n_bbar_ += S::n_i * S::n_u;
+    n_q_ += s.n_q;
+    n_v_ += s.n_i;
+    n_u_ += s.n_u;
+    n_bbar_ += s.n_i * s.n_u;
     node.v_end = n_v_;
     node.subtree_end = node.index + 1;
-    max_path_v_ = std::max(max_path_v_, node.path_v + S::n_i);
+    max_path_v_ = std::max(max_path_v_, node.path_v + s.n_i);
     nodes_.push_back(node);
 
     names_.push_back(part.name);
@@ -141,18 +151,21 @@ private:
     turns_.push_back(part.on.R != Matrix3<Scalar>::Identity());
     depth_.push_back(part.parent < 0 ? 0 : depth_[static_cast<std::size_t>(part.parent)] + 1);
     inlet_mass_.emplace_back();
-    for (int k = 0; k < S::n_frames; ++k) {
+    for (int k = 0; k < s.n_frames; ++k) {
       frame_mass_.emplace_back();
       owner_.push_back(node.index);
     }
-    for (const CarriedBody<Scalar>& carried : s.bodies()) {
-      // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
-      validate_inertia(carried.body, "subsystem '" + part.name + "'");
-      FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
-                                                  : frame_mass_[static_cast<std::size_t>(node.frame + carried.frame)];
-      mass.add(carried.body);
-    }
     named_frames_[part.name] = {node.index, node.frame, {}};
+  }
+
+  /// On the last subsystem.
+  void carry(const CarriedBody<Scalar>& carried)
+  {
+    // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
+    validate_inertia(carried.body, "subsystem '" + names_.back() + "'");
+    FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
+                                                : frame_mass_[static_cast<std::size_t>(nodes_.back().frame + carried.frame)];
+    mass.add(carried.body);
   }
 
   void close_subtrees()
