@@ -100,6 +100,9 @@ public:
   void kinematics(const Q& q, const V& qd)
   {
     detail::kinematics<scene>(q, qd, ws_, diagnosis_, step_);
+    if constexpr (Workspace::update != Update::square_root) {
+      if (!ws_.axes().empty()) { choose_axes<scene.velocity>(ws_); }
+    }
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
@@ -115,7 +118,11 @@ public:
         }
       } else {
         FrameState<Scalar>& f = ws_.frame(input.frame);
-        for (Index j = 0; j < input.size; ++j) { f.h -= input_wrench(input, f, j) * u(column + j); }
+        for (Index j = 0; j < input.size; ++j) {
+          Vector6<Scalar> wrench = input_wrench(input, f, j) * u(column + j);
+          if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
+          f.h -= wrench;
+        }
       }
     });
   }

@@ -9,6 +9,7 @@
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/turned_step.hpp>
 #include <iim/workspace.hpp>
 
 #include <array>
@@ -249,12 +250,22 @@ void rigid_inward(const N& node, Workspace& ws)
 template <Scene scene, class S, class N, class Workspace>
 void inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
 {
-  if constexpr (S::n_i == 0) {
-    rigid_inward<scene, S>(node, ws);
-  } else if constexpr (Workspace::update == Update::square_root) {
-    square_root_inward<scene, S>(node, s, ws, diagnosis);
+  if constexpr (Workspace::update == Update::square_root) {
+    if constexpr (S::n_i == 0) {
+      rigid_inward<scene, S>(node, ws);
+    } else {
+      square_root_inward<scene, S>(node, s, ws, diagnosis);
+    }
   } else {
-    matrix_inward<scene, S>(node, s, ws, diagnosis);
+    TurnedStep<Workspace> step;
+    const bool turned = ws.axes().turned();
+    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, StepData(ws.template node<S>(node)), ws); }
+    if constexpr (S::n_i == 0) {
+      rigid_inward<scene, S>(node, ws);
+    } else {
+      matrix_inward<scene, S>(node, s, ws, diagnosis);
+    }
+    if (turned) [[unlikely]] { step.leave(node.frame, node.inlet, StepData(ws.template node<S>(node)), ws); }
   }
 }
 

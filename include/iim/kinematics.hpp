@@ -48,27 +48,6 @@ template <int first, class Scalar, int n>
   return v;
 }
 
-/// R ← R (3 − RᵀR) / 2: a rotation again, up to roundings, from one that a long path's roundings have stretched by
-/// some ten ε (measured 41 ε behind 900 links); what it turned by stays.
-template <class Scalar>
-void straighten(Matrix3<Scalar>& R)
-{
-  Symmetric3<Scalar> G;
-#pragma GCC unroll 8
-  for (int j = 0; j < 3; ++j) {
-#pragma GCC unroll 8
-    for (int i = 0; i <= j; ++i) {
-      G(i, j) = Scalar(i == j ? 1.5 : 0) - Scalar(0.5) * (R(0, i) * R(0, j) + R(1, i) * R(1, j) + R(2, i) * R(2, j));
-    }
-  }
-#pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) {
-    const Vector3<Scalar> row = G * Vector3<Scalar>(R(i, 0), R(i, 1), R(i, 2));
-#pragma GCC unroll 8
-    for (int j = 0; j < 3; ++j) { R(i, j) = row(j); }
-  }
-}
-
 /// Where `motion` writes: the frames of the subsystem in the workspace.
 template <class S, class Workspace, std::size_t... K>
 std::array<FrameMotion<typename S::Scalar, S::n_i>, S::n_frames> frame_motions(Index first, NodeState<S>& state,

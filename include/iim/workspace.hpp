@@ -1,6 +1,7 @@
 // What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
 #pragma once
 
+#include <iim/parallel_axes.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -27,7 +28,8 @@ inline constexpr bool one_column = Workspace::update == Update::square_root && a
 
 }  // namespace detail
 
-/// State of one frame. World axes; at the coupling point of the subsystem that moves the frame.
+/// State of one frame. World axes, but for A, h and their sizes (ParallelAxes::of); at the coupling point of the subsystem
+/// that moves the frame.
 template <class Scalar>
 struct FrameState {
   Matrix3<Scalar> R;            ///< frame to world
@@ -87,6 +89,8 @@ public:
       for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
       root_.resize(frames_.size());
       shared_axis_.resize(static_cast<std::size_t>(tree.size()));
+    } else {
+      axes_ = detail::ParallelAxes<Scalar>(tree);
     }
     qdd_.setZero();
     load_.setZero();
@@ -141,6 +145,10 @@ public:
   detail::SharedAxis<Scalar>& shared_axis(Index i) { return shared_axis_[static_cast<std::size_t>(i)]; }
   const detail::SharedAxis<Scalar>& shared_axis(Index i) const { return shared_axis_[static_cast<std::size_t>(i)]; }
 
+  /// Axes of FrameState::A and h, with the other updates.
+  detail::ParallelAxes<Scalar>& axes() { return axes_; }
+  const detail::ParallelAxes<Scalar>& axes() const { return axes_; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
@@ -156,6 +164,7 @@ private:
   std::vector<detail::SharedAxis<Scalar>> shared_axis_;
   std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<detail::BodyRoot<Scalar>> inlet_body_;
+  detail::ParallelAxes<Scalar> axes_;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;

@@ -1,0 +1,154 @@
+// A subsystem's step inward in axes of its own (parallel_axes.hpp).
+#pragma once
+
+#include <iim/articulated_inertia.hpp>
+#include <iim/parallel_axes.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <algorithm>
+
+namespace iim::detail {
+
+/// Chooses the axes at the state, and places the bodies of frames in turned ones anew.
+template <bool velocity, class Workspace>
+[[gnu::noinline]] void choose_axes(Workspace& ws)
+{
+  using Scalar = typename Workspace::Scalar;
+  ws.axes().choose([&](Index f) -> const Matrix3<Scalar>& { return ws.frame(f).R; },
+                   [&](Index f, const Matrix3<Scalar>& axes) {
+                     FrameState<Scalar>& frame = ws.frame(f);
+                     Matrix3<Scalar> R = frame.R;
+                     Vector3<Scalar> r = frame.r, omega = frame.omega;
+                     turn_triples(axes, false, R.data(), 3);
+                     turn_triples(axes, false, r.data(), 1);
+                     turn_triples(axes, false, omega.data(), 1);
+                     place_bodies<true, velocity>(ws.tree().frame_mass(f), R, r, omega, frame.A, frame.h);
+                   });
+}
+
+/// What a subsystem with one frame and at most one velocity reads and writes in its step, whatever its type.
+template <class Scalar>
+struct StepData {
+  Matrix3<Scalar>& R;
+  Vector3<Scalar>& r;
+  Vector3<Scalar>& c;
+  Scalar* S;
+  Scalar* U;
+  Scalar* W;
+  int n_i;
+
+  template <class Type>
+  explicit StepData(NodeState<Type>& state)
+      : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()), n_i(Type::n_i)
+  {
+  }
+};
+template <class Type>
+StepData(NodeState<Type>&) -> StepData<typename Type::Scalar>;
+
+/// Around the step of a subsystem while any axes are turned: what it reads turns into its own, what it has handed on turns
+/// into those of its inlet, and all but A and h returns to the world's.
+template <class Workspace>
+class TurnedStep {
+  using Scalar = typename Workspace::Scalar;
+  using Data = StepData<Scalar>;
+
+public:
+  [[gnu::noinline]] void enter(Index f, Index inlet, const Data& data, Workspace& ws)
+  {
+    own_ = ws.axes().of(f);
+    there_ = ws.axes().of(inlet);
+    if (own_) {
+      FrameState<Scalar>& frame = ws.frame(f);
+      std::copy_n(data.S, 6 * data.n_i, S_.data());
+      R_inlet_ = data.R;
+      r_ = data.r;
+      c_ = data.c;
+      R_ = frame.R;
+      omega_ = frame.omega;
+      bias_ = frame.bias;
+      turn(data.S, 2 * data.n_i);
+      turn(data.R.data(), 3);
+      turn(data.r.data(), 1);
+      turn(data.c.data(), 1);
+      turn(frame.R.data(), 3);
+      turn(frame.omega.data(), 1);
+      turn(frame.bias.data(), 2);
+      if (inlet >= 0) {
+        omega_inlet_ = ws.frame(inlet).omega;
+        turn(ws.frame(inlet).omega.data(), 1);
+      }
+    }
+    if (inlet >= 0 && own_ != there_) {
+      FrameState<Scalar>& to = ws.frame(inlet);
+      A_ = to.A;
+      h_ = to.h;
+      mass_size_ = to.mass_size;
+      inertia_size_ = to.inertia_size;
+      to.A.set_zero();
+      to.h.setZero();
+      to.mass_size.setZero();
+      to.inertia_size.setZero();
+    }
+  }
+
+  [[gnu::noinline]] void leave(Index f, Index inlet, const Data& data, Workspace& ws) const
+  {
+    if (own_) {
+      FrameState<Scalar>& frame = ws.frame(f);
+      std::copy_n(S_.data(), 6 * data.n_i, data.S);
+      data.R = R_inlet_;
+      data.r = r_;
+      data.c = c_;
+      frame.R = R_;
+      frame.omega = omega_;
+      frame.bias = bias_;
+      turn_triples(*own_, true, data.U, 2 * data.n_i);
+      turn_triples(*own_, true, data.W, 2 * data.n_i);
+      if (inlet >= 0) { ws.frame(inlet).omega = omega_inlet_; }
+    }
+    if (inlet >= 0 && own_ != there_) { hand_over(ws.frame(inlet)); }
+  }
+
+private:
+  void turn(Scalar* triples, int count) const { turn_triples(*own_, false, triples, count); }
+
+  /// What has come to the inlet, in its axes, to what was there.
+  void hand_over(FrameState<Scalar>& inlet) const
+  {
+    using std::max;
+    Matrix3<Scalar> E = Matrix3<Scalar>::Identity();
+    if (own_) { E = *own_; }
+    if (there_) { turn_triples(*there_, false, E.data(), 3); }
+    const Matrix6<Scalar> came = inlet.A.dense();
+    const Vector3<Scalar> force = E * linear(inlet.h), moment = E * angular(inlet.h);
+    const Matrix3<Scalar> squares = E.cwiseProduct(E);
+    const Vector3<Scalar> mass = squares * inlet.mass_size, inertia = squares * inlet.inertia_size;
+    inlet.A = A_;
+    add_turned<Scalar>(E, came.template topLeftCorner<3, 3>(), inlet.A.M);
+    add_turned<Scalar>(E, came.template topRightCorner<3, 3>(), inlet.A.H);
+    add_turned<Scalar>(E, came.template bottomRightCorner<3, 3>(), inlet.A.J);
+    for (int i = 0; i < 3; ++i) {
+      inlet.h(i) = h_(i) + force(i);
+      inlet.h(i + 3) = h_(i + 3) + moment(i);
+      inlet.mass_size(i) = max(mass_size_(i), mass(i));
+      inlet.inertia_size(i) = max(inertia_size_(i), inertia(i));
+    }
+  }
+
+  const Matrix3<Scalar>* own_;    // null: the world's
+  const Matrix3<Scalar>* there_;  // of the inlet
+
+  // In the world's axes, while the step is taken.
+  Vector6<Scalar> S_, bias_;
+  Matrix3<Scalar> R_inlet_, R_;
+  Vector3<Scalar> r_, c_, omega_, omega_inlet_;
+
+  // What the inlet had.
+  SpatialInertia<Scalar> A_;
+  Vector6<Scalar> h_;
+  Vector3<Scalar> mass_size_, inertia_size_;
+};
+
+}  // namespace iim::detail
