@@ -92,7 +92,7 @@ public:
       if constexpr (shares_axes<S>()) {
         const auto at = static_cast<std::size_t>(node.frame);
         const Index of_inlet = node.inlet < 0 ? -1 : group_[static_cast<std::size_t>(node.inlet)];
-        Vector3<Scalar> inherited;
+        Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
         if (of_inlet >= 0) {
           inherited = tree.placement(node.index).R.transpose() * axis[static_cast<std::size_t>(node.inlet)];
         }
