@@ -130,6 +130,7 @@ public:
   /// From the tips inward: what the tree beyond each coupling point looks like from there, (14)–(17).
   void inertia()
   {
+    for (const FreeAxis& axis : ws_.free_axes()) { set_free_axis(axis, ws_); }
     tree_.inward([&]<class N, class S>(const N& node, const S& s) { inward<scene, S>(node, s, ws_, diagnosis_); });
   }
 
@@ -139,9 +140,9 @@ public:
     tree_.outward([&]<class N, class S>(const N& node, const S&) {
       NodeState<S>& state = ws_.template node<S>(node);
       Vector6<Scalar> y;
-      [[maybe_unused]] Scalar undone(0);  // of q̈, against the inlet's rate about the same axis
+      [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
       if (node.inlet >= 0) {
-        y = guidance(node, state, undone);
+        y = guidance(node, state, undone, slip);
         if constexpr (scene.velocity) {
 #pragma GCC unroll 8
           for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
@@ -158,6 +159,7 @@ public:
       for (int d = 0; d < S::n_i; ++d) {
         qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
                                   (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
+        if constexpr (one_column<S, Workspace> && has_within<S>()) { qdd(d) += slip; }
         ws_.qdd()(node.v + d) = qdd(d) - undone;
       }
 #pragma GCC unroll 2
@@ -169,6 +171,12 @@ public:
         if constexpr (one_column<S, Workspace>) {
           ws_.root(node.frame).rest = f.Vdot;
           ws_.root(node.frame).rate = qdd(0);
+        }
+        if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
+          const RootInertia<Scalar>& N_k = ws_.root(node.frame);
+          f.Vdot = N_k.rest;
+          if (N_k.keeps_v) { for (int i = 0; i < 6; ++i) { f.Vdot(i) += N_k.S(i) * N_k.rate; } }
+          continue;
         }
         const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
 #pragma GCC unroll 8
@@ -190,7 +198,7 @@ public:
 private:
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
   template <class N, class S>
-  Vector6<Scalar> guidance(const N& node, const NodeState<S>& state, Scalar& undone) const
+  Vector6<Scalar> guidance(const N& node, const NodeState<S>& state, Scalar& undone, Scalar& slip) const
   {
     if constexpr (Workspace::update == Update::square_root) {
       const RootInertia<Scalar>& inlet = ws_.root(node.inlet);
@@ -200,6 +208,7 @@ private:
 #pragma GCC unroll 8
         for (int k = 0; k < 6; ++k) { y(k) += shared.difference(k) * inlet.rate; }
         undone = shared.share * inlet.rate;
+        slip = shared.slip * inlet.rate;
         return y;
       }
     }

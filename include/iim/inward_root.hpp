@@ -1,6 +1,7 @@
 // The inward loop of the O(n) pass for one subsystem in square-root form: square_root.hpp.
 #pragma once
 
+#include <iim/free_root.hpp>
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/root_rows.hpp>
@@ -16,9 +17,9 @@
 
 namespace iim::detail {
 
-/// S of the inlet against S_i. annihilated: N' S_i = 0.
+/// S of the inlet against S_i. slip: 1 − W S_i.
 template <class S, class N, class Workspace>
-void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool annihilated, Workspace& ws)
+void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
@@ -26,8 +27,14 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool 
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   shared.difference = shift_twist(state.r, inlet.S);
   shared.share = Scalar(0);
+  shared.slip = Scalar(0);
   if constexpr (one_column<S, Workspace>) {
-    if (!annihilated) { return; }
+    if (inlet.apart_along == node.index) {
+      shared.difference.setZero();
+      shared.share = Scalar(1);
+      shared.slip = slip;
+      return;
+    }
     const Vector6<Scalar>& own = state.S_k[0];
     constexpr int part = S::pattern.angular ? 3 : 0;
     const auto along_own = [&](const Vector6<Scalar>& x) {
@@ -42,10 +49,11 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] bool 
 #pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
     shared.share = whole + rest;
+    shared.slip = shared.share * slip;
   }
 }
 
-/// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, where the inlet's S has a share of S_i.
+/// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of S_i.
 template <class S, class N, class Workspace>
 void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename S::Scalar>& h,
                 const typename S::Scalar& load, Workspace& ws)
@@ -62,6 +70,27 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
   for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
 }
 
+/// Part of z in the rows of moments that a moment m on a body is, N_bᵀ z = −m; takes from m what these rows carry. As a
+/// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that ever
+/// so light.
+template <class Scalar>
+Vector3<Scalar> moment_of_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, Vector3<Scalar>& m)
+{
+  using std::abs;
+  Vector3<Scalar> z(Scalar(0), Scalar(0), Scalar(0)), left = m;
+  Matrix3<Scalar> p;
+  multiply(R, body.axes, p);
+  for (int k = 0; k < body.rows - 3; ++k) {
+    const Scalar along = p(0, k) * m(0) + p(1, k) * m(1) + p(2, k) * m(2);
+    z(k) = -along / body.root_moment(k);
+    for (int i = 0; i < 3; ++i) { left(i) -= along * p(i, k); }
+  }
+  // m is at right angles to the rotor's axis, about which its body has no row; the roundings of I − a aᵀ turn the body's axes.
+  const Scalar roundings = Scalar(256) * Eigen::NumTraits<Scalar>::epsilon() * (abs(m(0)) + abs(m(1)) + abs(m(2)));
+  for (int i = 0; i < 3; ++i) { m(i) = abs(left(i)) > roundings ? left(i) : Scalar(0); }
+  return z;
+}
+
 /// √m of the heaviest body that the frames of S carry.
 template <class S, class N, class Workspace>
 typename S::Scalar heaviest(const N& node, const Workspace& ws)
@@ -73,11 +102,12 @@ typename S::Scalar heaviest(const N& node, const Workspace& ws)
 }
 
 /// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
-/// frame that the rows do not contain yet.
+/// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments.
 template <Scene scene, class S, class N, class Workspace>
 void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool inlet_bodies, Workspace& ws,
-                    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero())
+                    bool inlet_bodies, Workspace& ws, [[maybe_unused]] int within = 0,
+                    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
+                    [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
 {
   using std::abs;
   using std::max;
@@ -100,6 +130,16 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
       size += left[r].abs();
       *row = moved(left[r], move);
     }
+    if constexpr (one_column<S, Workspace> && has_within<S>()) {  // the last rows, of what lies within: n S_i is not 0
+      for (int r = 1; r <= within && inlet.keeps_v; ++r) {
+        const Scalar& share = ws.shared_axis(node.index).share;
+        for (int k = 0; k < 6; ++k) {
+          const Scalar x = left[count - r](k) * state.S_k[0](k);
+          row[-r](along_S) += x * share;
+          inlet.scale += abs(x * share);
+        }
+      }
+    }
     if (inlet.keeps_v) {
 #pragma GCC unroll 8
       for (int k = 0; k < 6; ++k) { inlet.scale += size(k) * abs(T(k)); }
@@ -110,6 +150,9 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
       Scalar scale;
       place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
       if (inlet.keeps_v) { inlet.scale += scale; }
+      if constexpr (scene.velocity && rotor_count<S>() > 0) {
+        for (int k = 3; k < body_rows; ++k) { row[k](rhs) += turning(k - 3); }
+      }
       Vector6<Scalar> c = none;
       if constexpr (scene.velocity) { c.template head<3>() = state.c; }
       const RowMove<Scalar> body_move = row_move(state.r, c, none);
@@ -133,7 +176,7 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
 
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
 template <Scene scene, class S, class N, class Workspace>
-void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
 {
   using std::abs;
   using std::sqrt;
@@ -168,7 +211,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     for (int r = 0; r < N_k.rows && !keeps_v; ++r, ++count) {
       RootRow<Scalar>& n = rows[count];
       n = N_k.row[static_cast<std::size_t>(r)];
-      for (int d = 0; d < n_i && !is_free<S>(); ++d) {
+      for (int d = 0; d < n_i; ++d) {
         v[static_cast<std::size_t>(count)](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
         for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
       }
@@ -195,7 +238,11 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   }
   const int bodies = count;
   [[maybe_unused]] int n_put = 0;
-  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio) {
+  Vector3<Scalar> turning(Scalar(0), Scalar(0), Scalar(0));
+  Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
+  Scalar own_load = ws.load()(node.v);  // S h' on the inlet
+  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S) {
+    slip += ratio(0) * against_S;
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
     if constexpr (keeps_v) {
@@ -208,7 +255,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
   };
   if constexpr (rotor_count<S>() > 0) {
     for (const auto& rotor : s.rotors()) {
-      const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
+      SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
       if (spun.J > Scalar(0)) {
         const Scalar root = sqrt(spun.J);
         const Scalar zero(0);
@@ -218,19 +265,30 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
           for (int j = 0; j < 3; ++j) { known -= spun.a(j) * ws.frame(node.frame).bias(j + 3); }
         }
         rows[count] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * known, zero;
-        put_within(root * spun.e);
+        Scalar against_S = rotor.ratio(0);
+        if constexpr (keeps_v) {
+          for (int j = 0; j < 3 && rotor.frame < 0; ++j) { against_S -= spun.a(j) * state.S_k[0](j + 3); }
+        }
+        put_within(root * spun.e, root * against_S);
       }
-      if constexpr (scene.velocity) { add_gyroscopic(spun, rotor, state, hg, hq); }
+      if constexpr (scene.velocity) {
+        const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
+        if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) { turning += moment_of_rows(carrier, state.R, spun.moment); }
+        add_gyroscopic(spun, rotor, state, hg, hq);
+        for (int j = 0; j < 3 && keeps_v && rotor.frame < 0; ++j) { own_load += spun.moment(j) * state.S_k[0](j + 3); }
+      }
     }
   }
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) {
       rows[count].setZero();
-      put_within(sqrt(spring.inertia) * spring.ratio.transpose());
+      const Scalar root = sqrt(spring.inertia);
+      put_within(root * spring.ratio.transpose(), root * spring.ratio(0));
     }
   }
 
-  const bool annihilated = S::n_frames == 1 && n_put == 0;  // one frame and nothing within: A'S = 0
+  // One frame and nothing within: A'S = 0.
+  const bool annihilated = S::n_frames == 1 && n_put == 0;
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
@@ -245,11 +303,13 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     }
     v[0](0) = rows[0](along_S);
     C(0, 0) = Scalar(1) / v[0](0);
+    if (n_put > 0) {
+      slip *= C(0, 0) * C(0, 0);
+      own_load += slip * hq(0);
+    }
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
     if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }
-  } else if constexpr (is_free<S>()) {
-    regular = eliminate_free<Scalar, most>(own_rows, count, state.S_k[0], v, C);
   } else {
     regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C);
   }
@@ -281,7 +341,7 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
 #pragma GCC unroll 8
     for (int j = 0; j < 6; ++j) {
       state.U(j, d) = U(j);
-      if constexpr (!is_free<S>()) { state.W(d, j) = W(j); }
+      state.W(d, j) = W(j);
     }
   }
   state.psi = product(state.MbarR_inv, hq);
@@ -290,35 +350,40 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
 #pragma GCC unroll 8
     for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[k](rhs); }
   }
+  if (node.inlet < 0) { return; }
+#pragma GCC unroll 8
+  for (int j = 0; j < 6; ++j) {
+#pragma GCC unroll 8
+    for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
+  }
+  share_axis<S>(node, state, slip, ws);
+  put_wrench<S>(node, state, hg, own_load, ws);
+  const RootRow<Scalar>* left = rows + n_i;
+  int left_rows = count - n_i;
+  std::array<RootRow<Scalar>, 6 + n_within> compressed;
+  const RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
+  if (light || inlet.rows + left_rows > inlet.loose) {
+    std::array<int, 6> pivot;
+    const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
+    const int rank = keeps_v || annihilated ? 6 - n_i : 6;
+    left_rows = compress<6, room>(left, left_rows - apart, compressed.data(), pivot, rank);
+    if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
+    left_rows += apart;
+    left = compressed.data();
+  }
+  const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
+  stack_on_inlet<scene>(node, state, left, left_rows, true, ws, keeps_v ? std::min(n_put, left_rows) : 0, known, turning);
+}
+
+template <Scene scene, class S, class N, class Workspace>
+void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+{
   if constexpr (is_free<S>()) {
-    state.W = state.S_k[0].transpose();
-    if (node.inlet >= 0) { share_axis<S>(node, state, false, ws); }  // nothing else passes
-    return;
+    free_inward<scene, S>(node, ws, diagnosis);
+    if (node.inlet >= 0) { share_axis<S>(node, ws.template node<S>(node), typename S::Scalar(0), ws); }
   } else {
-    if (node.inlet < 0) { return; }
-#pragma GCC unroll 8
-    for (int j = 0; j < 6; ++j) {
-#pragma GCC unroll 8
-      for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
-    }
-    share_axis<S>(node, state, annihilated, ws);
-    put_wrench<S>(node, state, hg, ws.load()(node.v), ws);
-    const RootRow<Scalar>* left = rows + n_i;
-    int left_rows = count - n_i;
-    std::array<RootRow<Scalar>, 6 + n_within> compressed;
-    const RootInertia<Scalar>& inlet = ws.root(node.inlet);
-    const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
-    if (light || inlet.rows + left_rows > inlet.loose) {
-      std::array<int, 6> pivot;
-      const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
-      const int rank = keeps_v || annihilated ? 6 - n_i : 6;
-      left_rows = compress<6, room>(left, left_rows - apart, compressed.data(), pivot, rank);
-      if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
-      left_rows += apart;
-      left = compressed.data();
-    }
-    const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
-    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, known);
+    joint_inward<scene, S>(node, s, ws, diagnosis);
   }
 }
 

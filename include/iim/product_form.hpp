@@ -60,7 +60,7 @@ private:
   static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
   using Lanes = detail::Lanes<Scalar>;
 
-  static constexpr int rate = 6;        ///< in square-root form H without S·rate, and rate; see SharedAxis
+  static constexpr int rate = 6;        ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeAxis
   static constexpr int components = 7;  ///< of H per path position
 
   Scalar* H(Index frame) { return H_[at(frame_buffers_[frame])].data(); }
@@ -124,6 +124,7 @@ private:
   {
     constexpr int n_i = S::n_i;
     constexpr bool apart = one_column<S, Workspace>;
+    constexpr bool free_root = is_free<S>() && Workspace::update == Update::square_root;
     const Index depth = depth_;
     Scalar* const L_rows = L_rows_.data() + node.v * depth;
     const Scalar* const inlet = needed > 0 ? H(node.inlet) : nullptr;
@@ -139,6 +140,7 @@ private:
       }
       std::array<Lanes, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
       [[maybe_unused]] Lanes undone = Lanes::Zero();  // of q̈, against the inlet's rate about the same axis
+      [[maybe_unused]] Lanes slip = Lanes::Zero();
       std::array<Lanes, 6> y;
       y.fill(Lanes::Zero());
       if (a < needed) {
@@ -147,7 +149,9 @@ private:
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
-            undone = shared.share * add_rate(inlet + components * a, shared.difference, y);
+            const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
+            undone = shared.share * inlet_rate;
+            if constexpr (has_within<S>()) { slip = shared.slip * inlet_rate; }
           }
         }
         for (int d = 0; d < n_i; ++d) {
@@ -157,10 +161,21 @@ private:
       }
       if constexpr (!is_free<S>()) { moves = l; }
       if constexpr (apart) {
+        if constexpr (has_within<S>()) { l[0] += slip; }
         store(frames[0] + components * a + rate * lanes, l[0]);
         l[0] -= undone;
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
+      if constexpr (free_root) {
+        std::array<Lanes, components> h;
+        h.fill(Lanes::Zero());
+        for (Index e = std::max<Index>(0, a - node.path_v); e < std::min(own, a + lanes - node.path_v); ++e) {
+          const auto& G = ws.root(node.frame).row;  // E b, and the rate
+          for (int c = 0; c < components; ++c) { place(G[at(c)](e), node.path_v + e - a, h[at(c)]); }
+        }
+        for (int c = 0; c < components; ++c) { store(frames[0] + components * a + c * lanes, h[at(c)]); }
+        continue;
+      }
       for (int k = 0; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) {
           Lanes h = y[at(c)];

@@ -16,6 +16,8 @@
 // Rotors and springs come after the bodies, in a reflection of their own: together, each row of a heavy link would get a
 // small share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the
 // rotor's row.
+// The gyroscopic moment of a rotor with a body of its own is z of that body's rows. A free frame, which has no
+// one S, takes that of the joint which carries most (free_root.hpp).
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
@@ -45,6 +47,7 @@ struct RootInertia {
   int rows = 0;
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
   Scalar heaviest;       ///< √m of the heaviest body in the rows
+  Eigen::Index apart_along = -1;  ///< of a free frame: the child whose column S is
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
   Scalar scale;          ///< and Σ |v| as if nothing had cancelled in it
@@ -56,12 +59,28 @@ struct RootInertia {
 
 /// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's rate
 /// is undone by the child's own joint without anything else moving, so that only the difference acts on what follows;
-/// of axes that nearly coincide it is all there is to see. share = 0 where that does not hold.
+/// of axes that nearly coincide it is all there is to see. A rotor or spring within makes A'S_i = Wᵀ slip: undoing the share
+/// winds it up. share = 0 for joints of several columns or frames.
 template <class Scalar>
 struct SharedAxis {
   Vector6<Scalar> difference;
   Scalar share;
+  Scalar slip;  ///< share · (1 − W S_i)
 };
+
+/// Whether a subsystem may have anything but its bodies' rows.
+template <class S>
+constexpr bool has_within()
+{
+  return rotor_count<S>() + spring_count<S>() > 0;
+}
+
+/// A free frame moves by six columns; S is that of the joint `child` which carries most of what hangs on it (free_root.hpp).
+struct FreeAxis {
+  Eigen::Index frame;
+  Eigen::Index child;
+};
+inline constexpr std::size_t free_rate = 6;  ///< row of the rate in G, which a free frame keeps in its first seven rows
 
 /// What v of a frame's own body is made from.
 enum class Along {
@@ -247,55 +266,6 @@ template <int n, class Scalar, int most>
       for (int l = k + 1; l < n; ++l) { sum -= t(order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c); }
       C(row, c) = sum * inverse;
     }
-  }
-  return regular;
-}
-
-/// The same for a free subsystem, S = diag(R, R) orthogonal: T = N₁ S and C = Sᵀ N₁⁻¹ from the six rows that `compress`
-/// leaves, N₁ and [N₁ | z₁] first of `rows`. False if N₁ is singular up to roundings.
-template <class Scalar, int most>
-[[gnu::always_inline]] inline bool eliminate_free(std::array<RootRow<Scalar>, most>& rows, int count,
-                                                  const Eigen::Matrix<Scalar, 6, 6>& S,
-                                                  std::array<Eigen::Matrix<Scalar, 6, 1>, most>& T,
-                                                  Eigen::Matrix<Scalar, 6, 6>& C)
-{
-  using std::abs;
-  if (count < 6) { return false; }
-  RootRow<Scalar> scale = RootRow<Scalar>::Zero();
-  for (int r = 0; r < count; ++r) { scale += rows[static_cast<std::size_t>(r)].abs(); }
-  std::array<RootRow<Scalar>, 6> N;
-  std::array<int, 6> pivot{};
-  if (compress<6, static_cast<std::size_t>(most)>(rows.data(), count, N.data(), pivot) < 6) { return false; }
-  bool regular = true;
-  std::array<RootRow<Scalar>, 6> N_inv, S_row;
-  for (int i = 0; i < 6; ++i) {
-    for (int d = 0; d < 8; ++d) { S_row[static_cast<std::size_t>(i)](d) = d < 6 ? S(i, d) : Scalar(0); }
-  }
-  for (int k = 5; k >= 0; --k) {
-    const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
-    const int row = pivot[static_cast<std::size_t>(k)];
-    // Measured: half of this still refuses every base without mass on one limb (3000 robots), twice of it refuses in float
-    // one of a hundred bases that are up to 1e10 times lighter than their limb.
-    const Scalar negligible = Scalar(8) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
-    regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
-    RootRow<Scalar> sum;
-    for (int l = 0; l < 8; ++l) { sum(l) = Scalar(l == k ? 1 : 0); }
-    for (int l = k + 1; l < 6; ++l) {
-      const int column = pivot[static_cast<std::size_t>(l)];
-      sum -= N_inv[static_cast<std::size_t>(column)] * n(column);
-    }
-    N_inv[static_cast<std::size_t>(row)] = sum * (Scalar(1) / n(row));
-    rows[static_cast<std::size_t>(k)] = n;
-    RootRow<Scalar> t = S_row[0] * n(0);
-    for (int i = 1; i < 6; ++i) { t += S_row[static_cast<std::size_t>(i)] * n(i); }
-    for (int d = 0; d < 6; ++d) { T[static_cast<std::size_t>(k)](d) = t(d); }
-  }
-  for (int d = 0; d < 6; ++d) {
-    const std::size_t first = d < 3 ? 0 : 3;
-    RootRow<Scalar> c = N_inv[first] * S(static_cast<int>(first), d);
-    c += N_inv[first + 1] * S(static_cast<int>(first) + 1, d);
-    c += N_inv[first + 2] * S(static_cast<int>(first) + 2, d);
-    for (int k = 0; k < 6; ++k) { C(d, k) = c(k); }
   }
   return regular;
 }

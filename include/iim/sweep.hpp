@@ -143,13 +143,16 @@ private:
       for (int k = 1; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) { p[at(c)] += frames_[at(node.frame + k)][at(c)]; }
       }
-      if constexpr (n_i > 0) {
+      if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
+        move_free(ws.root(node.frame), node, state);
+      } else if constexpr (n_i > 0) {
         std::array<Lane, n_i> tau;
         for (int d = 0; d < n_i; ++d) {
           tau[at(d)] = rows_[at(node.v + d)];
           if constexpr (apart) {
             share = -tau[0];
             tau[0] += along_[at(node.frame)];
+            if constexpr (has_within<S>()) { along_[at(node.frame)] = tau[0]; }
             break;
           }
           for (int k = 0; k < S::n_frames; ++k) {
@@ -168,12 +171,13 @@ private:
           for (int d = 0; d < n_i; ++d) { p[at(c)] -= tau[at(d)] * state.W(d, c); }
         }
       }
-      if (node.inlet < 0) { return; }
+      if (is_free<S>() || node.inlet < 0) { return; }
       if constexpr (Workspace::update == Update::square_root) {
         if (ws.root(node.inlet).keeps_v) {
           const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
           Lane& sum = along_[at(node.inlet)];
           sum += share * shared.share;
+          if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
           for (int c = 0; c < 6; ++c) { sum += p[at(c)] * shared.difference(c); }
         }
       }
@@ -200,6 +204,7 @@ private:
       const NodeState<S>& state = ws.template node<S>(node);
       constexpr bool apart = one_column<S, Workspace>;
       [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
+      [[maybe_unused]] Lane slip = zero();
       Six y;
       if (guided) {
         y = frames_[at(node.inlet)];
@@ -212,6 +217,7 @@ private:
             const Lane& rate = along_[at(node.inlet)];
             for (int c = 0; c < 6; ++c) { y[at(c)] += rate * shared.difference(c); }
             undone = rate * shared.share;
+            if constexpr (has_within<S>()) { slip = rate * shared.slip; }
           }
         }
       } else {
@@ -223,10 +229,18 @@ private:
         Lane row = qdd[at(d)];
         if (guided) {
           for (int c = 0; c < 6; ++c) { row -= y[at(c)] * state.W(d, c); }
+          if constexpr (apart && has_within<S>()) { row += slip; }
           rows_[at(node.v + d)] = row;
           if constexpr (apart) { rows_[at(node.v)] -= undone; }
         }
         if constexpr (!is_free<S>()) { qdd[at(d)] = row; }
+      }
+      if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
+        if (reach != acted) {
+          frames_[at(node.frame)].fill(zero());
+          along_[at(node.frame)] = zero();
+        }
+        return;
       }
       // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
       if constexpr (is_free<S>()) { y.fill(zero()); }
@@ -245,6 +259,41 @@ private:
         }
       }
     });
+  }
+
+  /// A free frame under the wrench in frames_ and along_: leaves its motion there, and q̈ in rows_ (free_root.hpp).
+  template <class S, class N>
+  void move_free(const RootInertia<Scalar>& inertia, const N& node, const NodeState<S>& state)
+  {
+    Six& p = frames_[at(node.frame)];
+    Lane& along = along_[at(node.frame)];
+    for (int d = 0; d < S::n_i; ++d) {  // forces of inputs on the velocities themselves
+      const Lane& tau = rows_[at(node.v + d)];
+      for (int c = 0; c < 6; ++c) {
+        p[at(c)] += tau * state.S_k[0](c, d);
+        if (inertia.keeps_v) { along += tau * (inertia.S(c) * state.S_k[0](c, d)); }
+      }
+    }
+    Six motion;
+    motion.fill(zero());
+    Lane rate = zero();
+    for (int k = 0; k < 6; ++k) {
+      const auto& G = inertia.row;
+      Lane e = along * G[free_rate](k);
+      for (int c = 0; c < 6; ++c) { e += p[at(c)] * G[at(c)](k); }
+      for (int c = 0; c < 6; ++c) { motion[at(c)] += e * G[at(c)](k); }
+      rate += e * G[free_rate](k);
+    }
+    p = motion;
+    along = rate;
+    if (inertia.keeps_v) {
+      for (int c = 0; c < 6; ++c) { motion[at(c)] += rate * inertia.S(c); }
+    }
+    for (int d = 0; d < S::n_i; ++d) {
+      Lane& row = rows_[at(node.v + d)];
+      row = motion[0] * state.S_k[0](0, d);
+      for (int c = 1; c < 6; ++c) { row += motion[at(c)] * state.S_k[0](c, d); }
+    }
   }
 
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }

@@ -117,6 +117,7 @@ public:
       state.r.setZero();
       state.R.setIdentity();
     });
+    if constexpr (update == Update::square_root) { choose_free_axes(); }
   }
 
   const Tree& tree() const { return *tree_; }
@@ -149,6 +150,9 @@ public:
   detail::ParallelAxes<Scalar>& axes() { return axes_; }
   const detail::ParallelAxes<Scalar>& axes() const { return axes_; }
 
+  /// Free frames that move apart along a child's axis.
+  const std::vector<detail::FreeAxis>& free_axes() const { return free_axes_; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
@@ -157,6 +161,33 @@ public:
   const VectorX<Scalar>& Bbar() const { return Bbar_; }
 
 private:
+  /// Of each free frame the child with one column that carries most.
+  void choose_free_axes()
+  {
+    std::vector<Scalar> mass(static_cast<std::size_t>(tree_->size()), Scalar(0));
+    std::vector<Index> child(frames_.size(), -1);
+    const auto carried = [&](Index i) -> Scalar& { return mass[static_cast<std::size_t>(i)]; };
+    tree_->inward([&]<class N, class S>(const N& node, const S&) {
+      for (int k = 0; k < S::n_frames; ++k) {
+        const FrameMass<Scalar>& body = tree_->frame_mass(node.frame + k);
+        if (body.present) { carried(node.index) += body.mass; }
+      }
+      if constexpr (detail::is_free<S>()) {
+        if (const Index heaviest = child[static_cast<std::size_t>(node.frame)]; heaviest >= 0) {
+          free_axes_.push_back({node.frame, heaviest});
+          root(node.frame).keeps_v = true;
+          root(node.frame).apart_along = heaviest;
+        }
+      } else if (node.inlet >= 0) {
+        carried(node.parent) += carried(node.index);
+        Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
+        if constexpr (detail::one_column<S, Workspace>) {
+          if (heaviest < 0 || carried(heaviest) < carried(node.index)) { heaviest = node.index; }
+        }
+      }
+    });
+  }
+
   const Tree* tree_;
   typename Tree::template Storage<NodeState> nodes_;
   std::vector<FrameState<Scalar>> frames_;
@@ -165,6 +196,7 @@ private:
   std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<detail::BodyRoot<Scalar>> inlet_body_;
   detail::ParallelAxes<Scalar> axes_;
+  std::vector<detail::FreeAxis> free_axes_;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
