@@ -96,25 +96,6 @@ template <MotionPattern pattern, class Scalar, int n>
   }
 }
 
-/// Size of the diagonal of SᵀAS if nothing had cancelled, in it or in A: what its roundings are relative to.
-///
-/// A load of 1e9 kg that all joints have taken out of A leaves 1e9 ε in it, which in float is all there is. A quarter of
-/// the traces, so that a pivot below 64 ε of them counts as zero (spd.hpp): of arms of 1 kg with a load of 1e9 or 1e12 kg
-/// this refuses in float 98 of 100 states, all of them wrong, and in no scene a result that is right to 1e-3.
-template <MotionPattern pattern, class Scalar, int n>
-[[gnu::always_inline]] inline void add_scale(const FrameState<Scalar>& f, const Eigen::Matrix<Scalar, 6, n>& S,
-                                             Eigen::Matrix<Scalar, n, 1>& scale)
-{
-#pragma GCC unroll 8
-  for (int d = 0; d < n; ++d) {
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) {
-      if constexpr (pattern.linear) { scale(d) += S(i, d) * S(i, d) * (f.A.M(i, i) + f.mass_size(i)); }
-      if constexpr (pattern.angular) { scale(d) += S(i + 3, d) * S(i + 3, d) * (f.A.J(i, i) + f.inertia_size(i)); }
-    }
-  }
-}
-
 /// Pᵀ A P with P = 1 − S W, U = A S: what is left of A when the coordinates of S are free.
 ///
 /// A − U W itself changes to first order when roundings move W; the congruence does not, it is stationary in W. It is

@@ -93,6 +93,7 @@ public:
   explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : tree_(ws.tree()), ws_(ws), step_(step)
   {
     ws_.load().setZero();
+    ws_.loses() = false;
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
 

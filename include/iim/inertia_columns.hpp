@@ -86,6 +86,8 @@ struct ColumnBlock {
     column[2] += Triple<Scalar>(zero, zero, trace);
   }
 
+  [[gnu::always_inline]] Triple<Scalar> diagonal() const { return diagonal_of(column[0], column[1], column[2]); }
+
   Matrix3<Scalar> dense() const
   {
     Matrix3<Scalar> m;

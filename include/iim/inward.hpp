@@ -6,6 +6,7 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/inward_root.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
@@ -45,31 +46,6 @@ template <Scene scene, class S, class N, class Workspace>
   h += TriplePair<Scalar>(h_body.data());
 }
 
-/// What the inertia on the frames has been reduced from, as the inlet sees it: along each axis for itself, since what a chain
-/// in a plane weighs across that plane does not round what is in it.
-template <class S, class N, class Workspace>
-[[gnu::always_inline]] inline void pass_size(const N& node, const Vector3<typename S::Scalar>& r, Workspace& ws)
-{
-  using std::max;
-  using Scalar = typename S::Scalar;
-  FrameState<Scalar>& inlet = ws.frame(node.inlet);
-  const Vector3<Scalar> square(r(0) * r(0), r(1) * r(1), r(2) * r(2));
-#pragma GCC unroll 2
-  for (int k = 0; k < S::n_frames; ++k) {
-    const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    Vector3<Scalar> mass;
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { mass(i) = max(f.mass_size(i), f.A.M(i, i)); }
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) {
-      const int j = (i + 1) % 3, l = (i + 2) % 3;
-      const Scalar distant = mass(j) * square(l) + mass(l) * square(j);
-      inlet.mass_size(i) = max(inlet.mass_size(i), mass(i));
-      inlet.inertia_size(i) = max(inlet.inertia_size(i), max(max(f.inertia_size(i), f.A.J(i, i)), distant));
-    }
-  }
-}
-
 /// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling point
 /// that comes with the inlet turning.
 template <Scene scene, class Scalar>
@@ -103,6 +79,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   Eigen::Matrix<Scalar, n_i, n_i> D;
   TriplePair<Scalar> hg{};
   VectorI hq, scale;
+  std::array<TriplePair<Scalar>, n_frames> size;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
     hq(d) = -ws.load()(node.v + d);
@@ -114,7 +91,8 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     inertia_times<pattern>(f.A, state.S_k[at], U_k[at]);
     add_joint_inertia<pattern>(state.S_k[at], U_k[at], k == 0, D);
-    add_scale<pattern>(f, state.S_k[at], scale);
+    size[at] = largest(f);
+    add_scale<pattern>(size[at], state.S_k[at], scale);
     const TriplePair<Scalar> p = bias_wrench<scene, S>(f);
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
@@ -162,6 +140,8 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     }
   }
 
+  const bool weak = loses(D, scale);
+  if (ws.loses()) [[unlikely]] { scale += lost<S>(node.frame, state, ws); }
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
@@ -179,8 +159,12 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
     W[d] = U[0] * state.MbarR_inv(d, 0);
 #pragma GCC unroll 8
     for (int e = 1; e < n_i; ++e) { W[d] += U[e] * state.MbarR_inv(d, e); }
+    if constexpr (n_i == 1) {
+      W[0].put(state.W.data());
+    } else {
 #pragma GCC unroll 8
-    for (int j = 0; j < 6; ++j) { state.W(d, j) = W[d](j); }
+      for (int j = 0; j < 6; ++j) { state.W(d, j) = W[d](j); }
+    }
   }
   if (node.inlet < 0) { return; }
 
@@ -216,8 +200,10 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   add_inlet_bodies<scene>(node, state, ws, A, hg);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
-  hand_on<scene>(A, hg, state.c, state.r, ws.frame(node.inlet));
-  pass_size<S>(node, state.r, ws);
+  FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  hand_on<scene>(A, hg, state.c, state.r, inlet);
+  for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
+  if (weak || ws.loses()) [[unlikely]] { pass_loss<S>(node.frame, node.inlet, state, ws); }
 }
 
 /// A subsystem without internal velocities hands on what it carries.
@@ -242,9 +228,10 @@ void rigid_inward(const N& node, Workspace& ws)
       TriplePair<Scalar> p(f.h.data());
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, A, p); }
       hand_on<scene>(A, p, state.c, state.r, inlet);
+      pass_size(largest(f), state.r, inlet);
+      if (ws.loses()) [[unlikely]] { add_loss(f.loss, state.r, inlet); }
     }
   }
-  if constexpr (Workspace::update != Update::square_root) { pass_size<S>(node, state.r, ws); }
 }
 
 template <Scene scene, class S, class N, class Workspace>

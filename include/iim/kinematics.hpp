@@ -171,8 +171,8 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, N_k);
         f.h.setZero();
       } else {
-        f.mass_size.setZero();
-        f.inertia_size.setZero();
+        const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+        f.size = {zero, zero};
         place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
       }
     }

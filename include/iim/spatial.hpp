@@ -179,6 +179,7 @@ struct Symmetric3 {
   }
 
   Scalar trace() const { return at[0] + at[3] + at[5]; }
+  [[gnu::always_inline]] detail::Triple<Scalar> diagonal() const { return {at[0], at[3], at[5]}; }
 
   /// += 2 (r·s) 1 − r sᵀ − s rᵀ.
   [[gnu::always_inline]] void add_offset(const detail::Triple<Scalar>& r, const detail::Triple<Scalar>& s)

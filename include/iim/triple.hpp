@@ -1,6 +1,7 @@
 // Three numbers that are worked on together, and pairs of them: columns of 3 × 3 blocks, wrenches, gains.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -60,6 +61,11 @@ public:
   {
     return Triple(a(0) * s, a(1) * s, a(2) * s);
   }
+  /// Number by number.
+  [[gnu::always_inline]] friend Triple operator*(const Triple& a, const Triple& b)
+  {
+    return Triple(a(0) * b(0), a(1) * b(1), a(2) * b(2));
+  }
   [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b)
   {
     return a(0) * b(0) + a(1) * b(1) + a(2) * b(2);
@@ -68,6 +74,14 @@ public:
   {
     return Triple(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2), a(0) * b(1) - a(1) * b(0));
   }
+  [[gnu::always_inline]] Scalar sum() const { return at_[0] + at_[1] + at_[2]; }
+  [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b)
+  {
+    using std::max;
+    return Triple(max(a(0), b(0)), max(a(1), b(1)), max(a(2), b(2)));
+  }
+  /// (b, c, a).
+  [[gnu::always_inline]] Triple turned() const { return Triple(at_[1], at_[2], at_[0]); }
 
 private:
   std::array<Scalar, 3> at_;
@@ -143,7 +157,11 @@ public:
   {
     return (a * b.turned() - a.turned() * b).turned();
   }
-  /// (b, c, a).
+  [[gnu::always_inline]] Scalar sum() const { return (v_[0] + v_[1]) + v_[2]; }
+  [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b)
+  {
+    return of(a.v_ > b.v_ ? a.v_ : b.v_);
+  }
   [[gnu::always_inline]] Triple turned() const { return of(__builtin_shufflevector(v_, v_, 1, 2, 0, 3)); }
 
   /// The transpose of the columns a, b, c.
@@ -153,6 +171,12 @@ public:
     row[0] = of(__builtin_shufflevector(even, c.v_, 0, 1, 4, 7));
     row[1] = of(__builtin_shufflevector(odd, c.v_, 0, 1, 5, 7));
     row[2] = of(__builtin_shufflevector(even, c.v_, 2, 3, 6, 7));
+  }
+
+  /// The diagonal of the columns a, b, c.
+  [[gnu::always_inline]] friend Triple diagonal_of(const Triple& a, const Triple& b, const Triple& c)
+  {
+    return of(__builtin_shufflevector(__builtin_shufflevector(a.v_, b.v_, 0, 5, 2, 3), c.v_, 0, 1, 6, 7));
   }
 
   /// The columns of the transposed cross-product matrix of a.

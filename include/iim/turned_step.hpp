@@ -84,12 +84,13 @@ public:
       FrameState<Scalar>& to = ws.frame(inlet);
       A_ = to.A;
       h_ = to.h;
-      mass_size_ = to.mass_size;
-      inertia_size_ = to.inertia_size;
+      size_ = to.size;
       to.A.set_zero();
       to.h.setZero();
-      to.mass_size.setZero();
-      to.inertia_size.setZero();
+      const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+      loss_ = ws.loses() ? to.loss : TriplePair<Scalar>(zero, zero);
+      to.size = {zero, zero};
+      to.loss = {zero, zero};
     }
   }
 
@@ -117,14 +118,12 @@ private:
   /// What has come to the inlet, in its axes, to what was there.
   void hand_over(FrameState<Scalar>& inlet) const
   {
-    using std::max;
     Matrix3<Scalar> E = Matrix3<Scalar>::Identity();
     if (own_) { E = *own_; }
     if (there_) { turn_triples(*there_, false, E.data(), 3); }
     const Matrix6<Scalar> came = inlet.A.dense();
     const Vector3<Scalar> force = E * linear(inlet.h), moment = E * angular(inlet.h);
     const Matrix3<Scalar> squares = E.cwiseProduct(E);
-    const Vector3<Scalar> mass = squares * inlet.mass_size, inertia = squares * inlet.inertia_size;
     inlet.A = A_;
     add_turned<Scalar>(E, came.template topLeftCorner<3, 3>(), inlet.A.M);
     add_turned<Scalar>(E, came.template topRightCorner<3, 3>(), inlet.A.H);
@@ -132,9 +131,10 @@ private:
     for (int i = 0; i < 3; ++i) {
       inlet.h(i) = h_(i) + force(i);
       inlet.h(i + 3) = h_(i + 3) + moment(i);
-      inlet.mass_size(i) = max(mass_size_(i), mass(i));
-      inlet.inertia_size(i) = max(inertia_size_(i), inertia(i));
     }
+    inlet.size = {max(size_.linear, combined(squares, inlet.size.linear)),
+                  max(size_.angular, combined(squares, inlet.size.angular))};
+    inlet.loss = {loss_.linear + combined(E, inlet.loss.linear), loss_.angular + combined(E, inlet.loss.angular)};
   }
 
   const Matrix3<Scalar>* own_;    // null: the world's
@@ -148,7 +148,7 @@ private:
   // What the inlet had.
   SpatialInertia<Scalar> A_;
   Vector6<Scalar> h_;
-  Vector3<Scalar> mass_size_, inertia_size_;
+  TriplePair<Scalar> size_, loss_;
 };
 
 }  // namespace iim::detail

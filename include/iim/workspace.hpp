@@ -28,7 +28,7 @@ inline constexpr bool one_column = Workspace::update == Update::square_root && a
 
 }  // namespace detail
 
-/// State of one frame. World axes, but for A, h and their sizes (ParallelAxes::of); at the coupling point of the subsystem
+/// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the subsystem
 /// that moves the frame.
 template <class Scalar>
 struct FrameState {
@@ -38,8 +38,8 @@ struct FrameState {
   Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
   SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
   Vector6<Scalar> h;            ///< bias wrench of the same
-  Vector3<Scalar> mass_size;     ///< diagonals of the largest mass and inertia that A is reduced from: its roundings are
-  Vector3<Scalar> inertia_size;  ///< some ε of these, whatever is left of A
+  detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
+  detail::TriplePair<Scalar> loss;  ///< while Workspace::loses()
   Vector6<Scalar> Vdot;         ///< acceleration
 };
 
@@ -153,6 +153,10 @@ public:
   /// Free frames that move apart along a child's axis.
   const std::vector<detail::FreeAxis>& free_axes() const { return free_axes_; }
 
+  /// Whether a pivot of this pass has left less than its roundings should be large against (roundings.hpp).
+  bool& loses() { return loses_; }
+  bool loses() const { return loses_; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
@@ -197,6 +201,7 @@ private:
   std::vector<detail::BodyRoot<Scalar>> inlet_body_;
   detail::ParallelAxes<Scalar> axes_;
   std::vector<detail::FreeAxis> free_axes_;
+  bool loses_ = false;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
