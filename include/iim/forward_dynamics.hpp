@@ -160,8 +160,8 @@ public:
       for (int d = 0; d < S::n_i; ++d) {
         qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
                                   (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
-        if constexpr (one_column<S, Workspace> && has_within<S>()) { qdd(d) += slip; }
         ws_.qdd()(node.v + d) = qdd(d) - undone;
+        if constexpr (one_column<S, Workspace> && has_within<S>()) { qdd(d) += slip; }
       }
 #pragma GCC unroll 2
       for (int k = 0; k < S::n_frames; ++k) {
@@ -208,7 +208,7 @@ private:
         Vector6<Scalar> y = shift_twist(state.r, inlet.rest);
 #pragma GCC unroll 8
         for (int k = 0; k < 6; ++k) { y(k) += shared.difference(k) * inlet.rate; }
-        undone = shared.share * inlet.rate;
+        undone = shared.undone * inlet.rate;
         slip = shared.slip * inlet.rate;
         return y;
       }

@@ -17,21 +17,22 @@
 
 namespace iim::detail {
 
-/// S of the inlet against S_i. slip: 1 − W S_i.
+/// S of the inlet against S_i. undone, slip: W S_i and 1 − W S_i.
 template <class S, class N, class Workspace>
-void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws)
+void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws,
+                [[maybe_unused]] const typename S::Scalar& undone = typename S::Scalar(1))
 {
   using Scalar = typename S::Scalar;
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
   if (!inlet.keeps_v) { return; }
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   shared.difference = shift_twist(state.r, inlet.S);
-  shared.share = Scalar(0);
-  shared.slip = Scalar(0);
+  shared.share = shared.undone = shared.slip = Scalar(0);
   if constexpr (one_column<S, Workspace>) {
     if (inlet.apart_along == node.index) {
       shared.difference.setZero();
       shared.share = Scalar(1);
+      shared.undone = undone;
       shared.slip = slip;
       return;
     }
@@ -49,6 +50,7 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const
 #pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
     shared.share = whole + rest;
+    shared.undone = shared.share * undone;
     shared.slip = shared.share * slip;
   }
 }
@@ -198,6 +200,7 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
   int count = 0;
   Vector6<Scalar> hg;
   VectorI hq, scale;
+  [[maybe_unused]] Scalar along_h(0);  // S h
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
     hq(d) = -ws.load()(node.v + d);
@@ -229,6 +232,7 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
     const RootInertia<Scalar>& N_0 = ws.root(node.frame);
     scale(0) = N_0.scale;
     hq(0) += N_0.h_along;
+    along_h = column_dot<pattern>(state.S_k[0], 0, ws.frame(node.frame).h) + N_0.h_along;
     add(hg, N_0.h);
   }
   // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in it.
@@ -237,12 +241,16 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
     eliminate_along(rows, count);
   }
   const int bodies = count;
+  [[maybe_unused]] const Scalar body_v = keeps_v ? Scalar(rows[0](along_S)) : Scalar(0);
   [[maybe_unused]] int n_put = 0;
   Vector3<Scalar> turning(Scalar(0), Scalar(0), Scalar(0));
   Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
+  Scalar undone(1);                    // W S
+  Scalar within_S(0);                  // Σ v n S over what lies within
   Scalar own_load = ws.load()(node.v);  // S h' on the inlet
-  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S) {
+  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S, const Scalar& with_S) {
     slip += ratio(0) * against_S;
+    within_S += ratio(0) * with_S;
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
     if constexpr (keeps_v) {
@@ -265,11 +273,12 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
           for (int j = 0; j < 3; ++j) { known -= spun.a(j) * ws.frame(node.frame).bias(j + 3); }
         }
         rows[count] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * known, zero;
-        Scalar against_S = rotor.ratio(0);
+        Scalar against_S = rotor.ratio(0), with_S(0);
         if constexpr (keeps_v) {
-          for (int j = 0; j < 3 && rotor.frame < 0; ++j) { against_S -= spun.a(j) * state.S_k[0](j + 3); }
+          for (int j = 0; j < 3; ++j) { with_S += spun.a(j) * state.S_k[0](j + 3); }
+          if (rotor.frame < 0) { against_S -= with_S; }
         }
-        put_within(root * spun.e, root * against_S);
+        put_within(root * spun.e, root * against_S, root * with_S);
       }
       if constexpr (scene.velocity) {
         const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
@@ -283,7 +292,7 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
     for (const auto& spring : state.springs) {
       rows[count].setZero();
       const Scalar root = sqrt(spring.inertia);
-      put_within(root * spring.ratio.transpose(), root * spring.ratio(0));
+      put_within(root * spring.ratio.transpose(), root * spring.ratio(0), Scalar(0));
     }
   }
 
@@ -304,8 +313,9 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
     v[0](0) = rows[0](along_S);
     C(0, 0) = Scalar(1) / v[0](0);
     if (n_put > 0) {
-      slip *= C(0, 0) * C(0, 0);
-      own_load += slip * hq(0);
+      undone = (body_v * C(0, 0)) * (body_v * C(0, 0)) + (within_S * C(0, 0)) * C(0, 0);
+      slip = (slip * C(0, 0)) * C(0, 0);
+      own_load = own_load - ws.load()(node.v) + undone * ws.load()(node.v) + slip * along_h;
     }
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
@@ -356,7 +366,7 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
   }
-  share_axis<S>(node, state, slip, ws);
+  share_axis<S>(node, state, slip, ws, undone);
   put_wrench<S>(node, state, hg, own_load, ws);
   const RootRow<Scalar>* left = rows + n_i;
   int left_rows = count - n_i;

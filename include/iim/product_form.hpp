@@ -150,7 +150,7 @@ private:
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
-            undone = shared.share * inlet_rate;
+            undone = shared.undone * inlet_rate;
             if constexpr (has_within<S>()) { slip = shared.slip * inlet_rate; }
           }
         }
@@ -161,8 +161,11 @@ private:
       }
       if constexpr (!is_free<S>()) { moves = l; }
       if constexpr (apart) {
-        if constexpr (has_within<S>()) { l[0] += slip; }
-        store(frames[0] + components * a + rate * lanes, l[0]);
+        if constexpr (has_within<S>()) {
+          store(frames[0] + components * a + rate * lanes, l[0] + slip);
+        } else {
+          store(frames[0] + components * a + rate * lanes, l[0]);
+        }
         l[0] -= undone;
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }

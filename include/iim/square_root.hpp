@@ -60,12 +60,13 @@ struct RootInertia {
 /// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's rate
 /// is undone by the child's own joint without anything else moving, so that only the difference acts on what follows;
 /// of axes that nearly coincide it is all there is to see. A rotor or spring within makes A'S_i = Wᵀ slip: undoing the share
-/// winds it up. share = 0 for joints of several columns or frames.
+/// winds it up, and what the joint undoes is less. share = 0 for joints of several columns or frames.
 template <class Scalar>
 struct SharedAxis {
   Vector6<Scalar> difference;
   Scalar share;
-  Scalar slip;  ///< share · (1 − W S_i)
+  Scalar undone;  ///< share · W S_i, each of the two without subtracting the other from 1
+  Scalar slip;    ///< share · (1 − W S_i)
 };
 
 /// Whether a subsystem may have anything but its bodies' rows.

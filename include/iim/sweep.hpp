@@ -152,7 +152,6 @@ private:
           if constexpr (apart) {
             share = -tau[0];
             tau[0] += along_[at(node.frame)];
-            if constexpr (has_within<S>()) { along_[at(node.frame)] = tau[0]; }
             break;
           }
           for (int k = 0; k < S::n_frames; ++k) {
@@ -176,7 +175,7 @@ private:
         if (ws.root(node.inlet).keeps_v) {
           const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
           Lane& sum = along_[at(node.inlet)];
-          sum += share * shared.share;
+          sum += share * shared.undone;
           if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
           for (int c = 0; c < 6; ++c) { sum += p[at(c)] * shared.difference(c); }
         }
@@ -216,7 +215,7 @@ private:
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lane& rate = along_[at(node.inlet)];
             for (int c = 0; c < 6; ++c) { y[at(c)] += rate * shared.difference(c); }
-            undone = rate * shared.share;
+            undone = rate * shared.undone;
             if constexpr (has_within<S>()) { slip = rate * shared.slip; }
           }
         }
@@ -229,9 +228,9 @@ private:
         Lane row = qdd[at(d)];
         if (guided) {
           for (int c = 0; c < 6; ++c) { row -= y[at(c)] * state.W(d, c); }
-          if constexpr (apart && has_within<S>()) { row += slip; }
           rows_[at(node.v + d)] = row;
           if constexpr (apart) { rows_[at(node.v)] -= undone; }
+          if constexpr (apart && has_within<S>()) { row += slip; }
         }
         if constexpr (!is_free<S>()) { qdd[at(d)] = row; }
       }
