@@ -24,7 +24,8 @@ namespace iim {
 
 namespace detail {
 
-/// The number of active columns from which on the product costs less than the sweep; max_columns + 1 if it never does.
+/// The number of active columns from which on the product costs less than the sweep for all that may follow; max_columns + 1
+/// if it never does.
 ///
 /// Costs are loop steps of one vector register each: weighted as measured on chains of 5 to 500 links and trees of 15 to 255
 /// where a register holds several rows or columns, otherwise as counted. Columns are taken to be spread over the inputs of
@@ -38,12 +39,12 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
-  constexpr double call_cost = several ? 130 : 0;  // of the product
-  constexpr double input_cost = several ? 30 : 0;  // and per column of B̂
-  constexpr Cost node_cost = several ? Cost{20, 12} : Cost{0, 12};
-  constexpr Cost column_cost = several ? Cost{12, 21} : Cost{10, 13};
-  constexpr Cost outward_cost = several ? Cost{20, 26} : Cost{12, 15};
-  constexpr Cost inward_cost = several ? Cost{48, 26} : Cost{28, 15};
+  constexpr double call_cost = several ? 100 : 0;  // of the product
+  constexpr double input_cost = several ? 15 : 0;  // and per column of B̂, beyond the sweep's
+  constexpr Cost node_cost = several ? Cost{6, 26} : Cost{0, 12};
+  constexpr Cost column_cost = several ? Cost{8, 16} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{14, 20} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{38, 20} : Cost{28, 15};
   double factors = call_cost;  // L and H
   double everywhere = 0;                // outward loop of the sweep
   double longest = 0;                   // its inward loop, along the longest path of an input
@@ -72,11 +73,13 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
   }
   const Index most = inputs.max_columns();
   const double column = input_cost + (most > 0 ? product / static_cast<double>(most) : 0.0);
-  for (Index m = 1; m <= most; ++m) {
-    const double count = static_cast<double>(m);
-    if (factors + count * column < std::ceil(count / lanes) * (everywhere + longest)) { return m; }
+  // The sweep's cost goes in steps of its width: the last step below the product counts.
+  Index from = most + 1;
+  for (; from > 1; --from) {
+    const double count = static_cast<double>(from - 1);
+    if (factors + count * column >= std::ceil(count / lanes) * (everywhere + longest)) { break; }
   }
-  return most + 1;
+  return from;
 }
 
 }  // namespace detail
@@ -107,7 +110,7 @@ public:
     if (m >= product_from_) {
       finite = (*product_)(fd.workspace(), Bhat);
     } else {
-      (*sweep_)(fd.workspace(), Bhat);
+      finite = (*sweep_)(fd.workspace(), Bhat);
     }
     finite = finite || detail::all_finite(Bhat);
     return result_.result(m, finite ? Status::ok : Status::not_finite, -1);

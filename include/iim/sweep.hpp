@@ -12,8 +12,11 @@
 
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
+#include <iim/registers.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/transpose.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
@@ -32,29 +35,28 @@ public:
   using Scalar = typename Tree::Scalar;
 
   Sweep(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), sorted_(inputs), frames_(static_cast<std::size_t>(tree.n_frames())),
-        along_(static_cast<std::size_t>(tree.n_frames()), zero()),
+      : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
+        applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
         rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest)
   {
-    for (Six& six : frames_) { six.fill(zero()); }
+    for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
     tree.outward([&]<class N, class S>(const N&, const S&) { own_.push_back({S::n_frames, S::n_i, is_free<S>()}); });
   }
 
   /// Writes all active columns (n_v × inputs.columns()). The workspace holds the O(n) pass of the state.
+  /// Returns true if B̂ is known to be finite.
   template <class Workspace, class Matrix>
-  void operator()(const Workspace& ws, Matrix& Bhat)
+  bool operator()(const Workspace& ws, Matrix& Bhat)
   {
     assert(Bhat.cols() == sorted_.inputs().columns() && Bhat.rows() == tree_->n_v());
     std::array<Index, width> columns;
     int lane = 0;
+    Lane check = zero();  // the sum of all that was written to B̂
     const auto finish = [&] {
       inward(ws);
       outward(ws);
-      for (int l = 0; l < lane; ++l) {
-        Scalar* target = Bhat.data() + columns[at(l)] * Bhat.rows();
-        for (const Lane& row : rows_) { *target++ = entry(row, l); }
-      }
+      write(columns, lane, Bhat, check);
       lane = 0;
       std::fill(reach_.begin(), reach_.end(), at_rest);
     };
@@ -67,9 +69,17 @@ public:
       }
     });
     if (lane > 0) { finish(); }
+    if constexpr (width == 1) {
+      return false;
+    } else {
+      Scalar sum(0);
+      for (int l = 0; l < width; ++l) { sum += entry(check, l); }
+      return detail::is_finite(sum);
+    }
   }
 
 private:
+  static constexpr int side = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(Scalar), 1, width);  ///< of a register
   using Lane = std::conditional_t<width == 1, Scalar, Eigen::Array<Scalar, width, 1>>;
   using Six = std::array<Lane, 6>;
   enum Reach : char {
@@ -77,6 +87,7 @@ private:
     carried,  ///< moves with its parent
     acted     ///< lies between an input and the world
   };
+  enum Load : char { by_input = 1, by_child = 2 };  ///< where a wrench on a frame comes from: a sum of these, 0 without one
 
   static Lane zero()
   {
@@ -86,6 +97,21 @@ private:
       return Lane::Zero();
     }
   }
+
+  // Component by component, so that six stay in registers: 20 % less for one input on a chain of 50.
+  [[gnu::always_inline]] static void clear(Six& to)
+  {
+    unrolled<6>([&](auto c) __attribute__((always_inline)) { to[c] = zero(); });
+  }
+  [[gnu::always_inline]] static void copy(const Six& from, Six& to)
+  {
+    unrolled<6>([&](auto c) __attribute__((always_inline)) { to[c] = from[c]; });
+  }
+  [[gnu::always_inline]] static void add(const Six& x, Six& to)
+  {
+    unrolled<6>([&](auto c) __attribute__((always_inline)) { to[c] += x[c]; });
+  }
+
   template <class L>
   static auto& entry(L& lane, int l)
   {
@@ -111,8 +137,7 @@ private:
     for (Index i = input.subsystem; i >= 0 && reach_[at(i)] != acted; i = own_[at(i)].free ? -1 : tree_->node(i).parent) {
       const Node& node = tree_->node(i);
       reach_[at(i)] = acted;
-      for (int k = 0; k < own_[at(i)].frames; ++k) { frames_[at(node.frame + k)].fill(zero()); }
-      along_[at(node.frame)] = zero();
+      if constexpr (Workspace::update == Update::square_root) { along_[at(node.frame)] = zero(); }
       for (int d = 0; d < own_[at(i)].velocities; ++d) { rows_[at(node.v + d)] = zero(); }
     }
     if (input.kind == InputKind::motor) {
@@ -121,12 +146,30 @@ private:
       }
     } else {
       const Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
-      for (int c = 0; c < 6; ++c) { entry(frames_[at(input.frame)][at(c)], lane) = w(c); }
+      Six& applied = applied_[at(input.frame)];
+      if (loads_[at(input.frame)] == 0) { applied.fill(zero()); }
+      loads_[at(input.frame)] = by_input;
+      for (int c = 0; c < 6; ++c) { entry(applied[at(c)], lane) = w(c); }
       if constexpr (Workspace::update == Update::square_root) {
         const RootInertia<Scalar>& f = ws.root(input.frame);
         for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(input.frame)], lane) += f.S(c) * w(c); }
       }
     }
+  }
+
+  /// The wrench on a frame, from its children and from inputs.
+  [[gnu::always_inline]] void receive(Index frame, Six& p)
+  {
+    char& load = loads_[at(frame)];
+    if ((load & by_child) != 0) {
+      copy(moving_[at(buffers_[frame])], p);
+      if ((load & by_input) != 0) { add(applied_[at(frame)], p); }
+    } else if (load != 0) {
+      copy(applied_[at(frame)], p);
+    } else {
+      clear(p);
+    }
+    load = 0;
   }
 
   /// Wrenches from the inputs to the world; leaves M̄_R⁻¹ τ in rows_.
@@ -139,36 +182,38 @@ private:
       const NodeState<S>& state = ws.template node<S>(node);
       constexpr bool apart = one_column<S, Workspace>;
       [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
-      Six p = frames_[at(node.frame)];
-      for (int k = 1; k < S::n_frames; ++k) {
-        for (int c = 0; c < 6; ++c) { p[at(c)] += frames_[at(node.frame + k)][at(c)]; }
-      }
+      std::array<Six, S::n_frames> p_k;
+      unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
+      Six p;
+      copy(p_k[0], p);
+      for (int k = 1; k < S::n_frames; ++k) { add(p_k[at(k)], p); }
       if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
-        move_free(ws.root(node.frame), node, state);
+        move_free(ws.root(node.frame), node, state, p);
       } else if constexpr (n_i > 0) {
         std::array<Lane, n_i> tau;
-        for (int d = 0; d < n_i; ++d) {
-          tau[at(d)] = rows_[at(node.v + d)];
+        unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+          tau[d] = rows_[at(node.v + d)];
           if constexpr (apart) {
             share = -tau[0];
             tau[0] += along_[at(node.frame)];
-            break;
+          } else {
+            unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
+              unrolled<6>([&](auto c) __attribute__((always_inline)) {
+                if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) { tau[d] += p_k[k][c] * state.S_k[k].coeff(c, d); }
+              });
+            });
           }
-          for (int k = 0; k < S::n_frames; ++k) {
-            constexpr int first = S::pattern.linear ? 0 : 3, last = S::pattern.angular ? 6 : 3;
-            for (int c = first; c < last; ++c) { tau[at(d)] += frames_[at(node.frame + k)][at(c)] * state.S_k[at(k)](c, d); }
-          }
-        }
-        for (int d = 0; d < n_i; ++d) {
-          Lane row = tau[0] * state.MbarR_inv(d, 0);
-          for (int e = 1; e < n_i; ++e) { row += tau[at(e)] * state.MbarR_inv(d, e); }
+        });
+        unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+          Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
+          unrolled<n_i - 1>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
           rows_[at(node.v + d)] = row;
-        }
+        });
         if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
         if (node.inlet < 0) { return; }
-        for (int c = 0; c < 6; ++c) {
-          for (int d = 0; d < n_i; ++d) { p[at(c)] -= tau[at(d)] * state.W(d, c); }
-        }
+        unrolled<6>([&](auto c) __attribute__((always_inline)) {
+          unrolled<n_i>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
+        });
       }
       if (is_free<S>() || node.inlet < 0) { return; }
       if constexpr (Workspace::update == Update::square_root) {
@@ -177,17 +222,27 @@ private:
           Lane& sum = along_[at(node.inlet)];
           sum += share * shared.undone;
           if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
-          for (int c = 0; c < 6; ++c) { sum += p[at(c)] * shared.difference(c); }
+          unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
         }
       }
-      p[3] += p[2] * state.r(1) - p[1] * state.r(2);
-      p[4] += p[0] * state.r(2) - p[2] * state.r(0);
-      p[5] += p[1] * state.r(0) - p[0] * state.r(1);
-      for (int c = 0; c < 6; ++c) { frames_[at(node.inlet)][at(c)] += p[at(c)]; }
+      p[3] += p[2] * state.r(1);
+      p[4] += p[0] * state.r(2);
+      p[5] += p[1] * state.r(0);
+      p[3] -= p[1] * state.r(2);
+      p[4] -= p[2] * state.r(0);
+      p[5] -= p[0] * state.r(1);
+      Six& inlet = moving_[at(buffers_[node.inlet])];
+      char& load = loads_[at(node.inlet)];
+      if ((load & by_child) != 0) {
+        add(p, inlet);
+      } else {
+        copy(p, inlet);
+        load = static_cast<char>(load | by_child);
+      }
     });
   }
 
-  /// Accelerations from the world outward; leaves q̈ in rows_ and V̇ in frames_.
+  /// Accelerations from the world outward; leaves q̈ in rows_.
   template <class Workspace>
   void outward(const Workspace& ws)
   {
@@ -206,65 +261,71 @@ private:
       [[maybe_unused]] Lane slip = zero();
       Six y;
       if (guided) {
-        y = frames_[at(node.inlet)];
-        y[0] += y[4] * state.r(2) - y[5] * state.r(1);
-        y[1] += y[5] * state.r(0) - y[3] * state.r(2);
-        y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+        copy(moving_[at(buffers_[node.inlet])], y);
+        y[0] += y[4] * state.r(2);
+        y[1] += y[5] * state.r(0);
+        y[2] += y[3] * state.r(1);
+        y[0] -= y[5] * state.r(1);
+        y[1] -= y[3] * state.r(2);
+        y[2] -= y[4] * state.r(0);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lane& rate = along_[at(node.inlet)];
-            for (int c = 0; c < 6; ++c) { y[at(c)] += rate * shared.difference(c); }
+            unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
             undone = rate * shared.undone;
             if constexpr (has_within<S>()) { slip = rate * shared.slip; }
           }
         }
       } else {
-        y.fill(zero());
+        clear(y);
       }
       std::array<Lane, n_i> qdd;
-      for (int d = 0; d < n_i; ++d) {
-        qdd[at(d)] = rows_[at(node.v + d)];
-        Lane row = qdd[at(d)];
+      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+        qdd[d] = rows_[at(node.v + d)];
+        Lane row = qdd[d];
         if (guided) {
-          for (int c = 0; c < 6; ++c) { row -= y[at(c)] * state.W(d, c); }
+          unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
           rows_[at(node.v + d)] = row;
           if constexpr (apart) { rows_[at(node.v)] -= undone; }
           if constexpr (apart && has_within<S>()) { row += slip; }
         }
-        if constexpr (!is_free<S>()) { qdd[at(d)] = row; }
-      }
+        if constexpr (!is_free<S>()) { qdd[d] = row; }
+      });
       if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
-        if (reach != acted) {
-          frames_[at(node.frame)].fill(zero());
+        Six& motion = moving_[at(buffers_[node.frame])];
+        if (reach == acted) {
+          copy(applied_[at(node.frame)], motion);
+        } else {
+          clear(motion);
           along_[at(node.frame)] = zero();
         }
         return;
       }
       // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
-      if constexpr (is_free<S>()) { y.fill(zero()); }
+      if constexpr (is_free<S>()) { clear(y); }
       if constexpr (apart) {
-        frames_[at(node.frame)] = y;
+        copy(y, moving_[at(buffers_[node.frame])]);
         along_[at(node.frame)] = qdd[0];
         return;
       }
-      for (int k = 0; k < S::n_frames; ++k) {
-        for (int c = 0; c < 6; ++c) {
-          Lane Vdot = y[at(c)];
-          if (c < 3 ? S::pattern.linear : S::pattern.angular) {
-            for (int d = 0; d < n_i; ++d) { Vdot += qdd[at(d)] * state.S_k[at(k)](c, d); }
+      unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
+        Six& Vdot = moving_[at(buffers_[node.frame + k])];
+        unrolled<6>([&](auto c) __attribute__((always_inline)) {
+          Lane sum = y[c];
+          if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
+            unrolled<n_i>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
           }
-          frames_[at(node.frame + k)][at(c)] = Vdot;
-        }
-      }
+          Vdot[c] = sum;
+        });
+      });
     });
   }
 
-  /// A free frame under the wrench in frames_ and along_: leaves its motion there, and q̈ in rows_ (free_root.hpp).
+  /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_ (free_root.hpp).
   template <class S, class N>
-  void move_free(const RootInertia<Scalar>& inertia, const N& node, const NodeState<S>& state)
+  void move_free(const RootInertia<Scalar>& inertia, const N& node, const NodeState<S>& state, Six& p)
   {
-    Six& p = frames_[at(node.frame)];
     Lane& along = along_[at(node.frame)];
     for (int d = 0; d < S::n_i; ++d) {  // forces of inputs on the velocities themselves
       const Lane& tau = rows_[at(node.v + d)];
@@ -283,7 +344,7 @@ private:
       for (int c = 0; c < 6; ++c) { motion[at(c)] += e * G[at(c)](k); }
       rate += e * G[free_rate](k);
     }
-    p = motion;
+    applied_[at(node.frame)] = motion;
     along = rate;
     if (inertia.keeps_v) {
       for (int c = 0; c < 6; ++c) { motion[at(c)] += rate * inertia.S(c); }
@@ -292,6 +353,36 @@ private:
       Lane& row = rows_[at(node.v + d)];
       row = motion[0] * state.S_k[0](0, d);
       for (int c = 1; c < 6; ++c) { row += motion[at(c)] * state.S_k[0](c, d); }
+    }
+  }
+
+  /// rows_ to `count` columns of B̂, a square of a register's side at a time: 14 % less for a chain of 1000 with all joints
+  /// driven than number by number, and B̂ is not read again to see whether it is finite.
+  template <class Matrix>
+  void write(const std::array<Index, width>& columns, int count, Matrix& Bhat, Lane& check) const
+  {
+    const Index n = tree_->n_v();
+    Index v = 0;
+    if constexpr (side > 1 && width % side == 0) {
+      for (; v < n && n >= side; v += side) {
+        const Index begin = std::min(v, n - side);  // the last rows may be written twice
+        const Lane* const rows = rows_.data() + begin;
+        for (int part = 0; part < count; part += side) {
+          std::array<Scalar, side> beyond;
+          transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return &entry(rows[r], part); },
+                                  [](auto) __attribute__((always_inline)) { return Scalar(1); },
+                                  [&](auto c) __attribute__((always_inline)) {
+                                    return part + c < count ? Bhat.data() + columns[at(part + c)] * n + begin : beyond.data();
+                                  });
+        }
+        Lane sum = rows[0];
+        for (int r = 1; r < side; ++r) { sum += rows[r]; }
+        check += sum;
+      }
+    }
+    for (; v < n; ++v) {
+      for (int l = 0; l < count; ++l) { Bhat.data()[columns[at(l)] * n + v] = entry(rows_[at(v)], l); }
+      if constexpr (width > 1) { check += rows_[at(v)]; }
     }
   }
 
@@ -305,7 +396,12 @@ private:
 
   const Tree* tree_;
   SortedInputs<Tree> sorted_;
-  std::vector<Six> frames_;  // inward p_k, outward V̇_k; apart from S q̈ in square-root form
+  // Of a frame, inward p_k that its children hand on, outward V̇_k; apart from S q̈ in square-root form. Memory that lives
+  // from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven, takes 20 % less.
+  FrameBuffers buffers_;
+  std::vector<Six> moving_;
+  std::vector<Six> applied_;  // to a frame by inputs
+  std::vector<char> loads_;   // of a frame, of type Load
   std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   std::vector<Reach> reach_;
