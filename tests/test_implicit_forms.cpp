@@ -64,11 +64,14 @@ TEST_CASE("product and sweep are the same B̂")
 
 TEST_CASE("the product pays on short paths and for many inputs")
 {
-  CHECK(product_from(models::chain<double>(7)) == 1);
-  CHECK(product_from(models::chain<double>(20)) == 1);
-  CHECK(product_from(models::chain<double>(50)) == 9);  // a sweep of up to eight takes as long
-  CHECK(product_from(models::binary_tree<double>(63)) == 9);
-  CHECK(product_from(models::chain<double>(500)) == 501);  // never
+  // Where exactly, depends on the width of the registers.
+  CHECK(product_from(models::chain<double>(7)) <= 8);
+  CHECK(product_from(models::chain<double>(20)) <= 8);
+  CHECK(product_from(models::chain<double>(50)) > 4);  // a sweep of a register's columns takes as long
+  CHECK(product_from(models::chain<double>(50)) <= 17);
+  CHECK(product_from(models::binary_tree<double>(63)) > 4);
+  CHECK(product_from(models::binary_tree<double>(63)) <= 17);
+  CHECK(product_from(models::chain<double>(1000)) == 1001);  // never
 }
 
 #ifdef IIM_COUNTS

@@ -34,17 +34,18 @@ template <class Tree>
 Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
 {
   using Scalar = typename Tree::Scalar;
-  constexpr double lanes = lane_count<Scalar>;
+  constexpr double lanes = lane_count<Scalar>, width = register_lanes<Scalar>;  // of a step of the product, of the sweep
+  constexpr double registers = lanes / width;
   struct Cost {
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
-  constexpr double call_cost = several ? 100 : 0;  // of the product
-  constexpr double input_cost = several ? 15 : 0;  // and per column of B̂, beyond the sweep's
-  constexpr Cost node_cost = several ? Cost{6, 26} : Cost{0, 12};
-  constexpr Cost column_cost = several ? Cost{8, 16} : Cost{10, 13};
-  constexpr Cost outward_cost = several ? Cost{14, 20} : Cost{12, 15};
-  constexpr Cost inward_cost = several ? Cost{38, 20} : Cost{28, 15};
+  constexpr double call_cost = several ? 340 : 0;  // of the product
+  constexpr double input_cost = several ? 60 : 0;  // and per column of B̂, beyond the sweep's
+  constexpr Cost node_cost = several ? Cost{14, 62} : Cost{0, 12};
+  constexpr Cost column_cost = several ? Cost{13, 28} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{35, 50} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{78, 41} : Cost{28, 15};
   double factors = call_cost;  // L and H
   double everywhere = 0;                // outward loop of the sweep
   double longest = 0;                   // its inward loop, along the longest path of an input
@@ -53,7 +54,8 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
   std::vector<int> moving(static_cast<std::size_t>(tree.size()), 0);
   tree.outward([&]<class N, class S>(const N& node, const S&) {
     moving[static_cast<std::size_t>(node.index)] = S::n_i;
-    factors += std::ceil(static_cast<double>(node.path_v) / lanes) * (column_cost.fixed + column_cost.per_velocity * S::n_i) +
+    factors += registers * std::ceil(static_cast<double>(node.path_v) / lanes) *
+                   (column_cost.fixed + column_cost.per_velocity * S::n_i) +
                node_cost.fixed + node_cost.per_velocity * S::n_i * S::n_i;
     everywhere += outward_cost.fixed + outward_cost.per_velocity * S::n_i;
     path[static_cast<std::size_t>(node.index)] =
@@ -62,7 +64,7 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
   });
   for (const Node& node : tree.nodes()) {
     const auto i = static_cast<std::size_t>(node.index);
-    rows[i] = static_cast<double>(moving[i]) * std::ceil(static_cast<double>(node.v_end - node.v) / lanes) +
+    rows[i] = registers * static_cast<double>(moving[i]) * std::ceil(static_cast<double>(node.v_end - node.v) / lanes) +
               (node.parent < 0 ? 0.0 : rows[static_cast<std::size_t>(node.parent)]);
   }
   double product = 0;
@@ -77,7 +79,7 @@ Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
   Index from = most + 1;
   for (; from > 1; --from) {
     const double count = static_cast<double>(from - 1);
-    if (factors + count * column >= std::ceil(count / lanes) * (everywhere + longest)) { break; }
+    if (factors + count * column >= std::ceil(count / width) * (everywhere + longest)) { break; }
   }
   return from;
 }
@@ -133,7 +135,7 @@ private:
   Index max_columns_;
   Index product_from_;
   std::optional<detail::ProductForm<Tree>> product_;
-  std::optional<detail::Sweep<Tree, detail::lane_count<Scalar>>> sweep_;
+  std::optional<detail::Sweep<Tree, detail::register_lanes<Scalar>>> sweep_;
   detail::ResultMemory<Scalar> result_;
 };
 

@@ -79,7 +79,7 @@ public:
   }
 
 private:
-  static constexpr int side = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(Scalar), 1, width);  ///< of a register
+  static constexpr int side = std::min(register_lanes<Scalar>, width);  ///< of a register
   using Lane = std::conditional_t<width == 1, Scalar, Eigen::Array<Scalar, width, 1>>;
   using Six = std::array<Lane, 6>;
   enum Reach : char {

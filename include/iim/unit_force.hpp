@@ -76,7 +76,7 @@ private:
 /// B̂ and q̈₀ by unit forces on the workspace of the O(n) pass: per input a bias pass along its path to the world and an
 /// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other.
 /// Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
-template <class Tree, int width = detail::lane_count<typename Tree::Scalar>>
+template <class Tree, int width = detail::register_lanes<typename Tree::Scalar>>
 class UnitForce {
 public:
   using Scalar = typename Tree::Scalar;
