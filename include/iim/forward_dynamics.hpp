@@ -131,7 +131,9 @@ public:
   /// From the tips inward: what the tree beyond each coupling point looks like from there, (14)–(17).
   void inertia()
   {
-    for (const FreeAxis& axis : ws_.free_axes()) { set_free_axis(axis, ws_); }
+    if constexpr (Workspace::update == Update::square_root) {
+      for (const FreeAxis& axis : ws_.free_axes()) { set_free_axis(axis, ws_); }
+    }
     tree_.inward([&]<class N, class S>(const N& node, const S& s) { inward<scene, S>(node, s, ws_, diagnosis_); });
   }
 
