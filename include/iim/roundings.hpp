@@ -111,6 +111,7 @@ template <class S, class Workspace>
 [[gnu::noinline]] void pass_loss(Index frame, Index inlet, const NodeState<S>& state, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
+  using std::max;
   using std::sqrt;
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
   if (!ws.loses()) {
@@ -132,7 +133,10 @@ template <class S, class Workspace>
   for (int d = 0; d < S::n_i; ++d) {
     TriplePair<Scalar> left = gain(state, d);
     const TriplePair<Scalar> s(state.S_k[0].data() + 6 * d);
-    left -= s * (Scalar(1) / (dot(s.linear, s.linear) + dot(s.angular, s.angular)));
+    // A rotor's angle moves no frame: its column of S is zero, and so is its scale.
+    const Scalar square = max(Scalar(dot(s.linear, s.linear) + dot(s.angular, s.angular)),
+                              Scalar(std::numeric_limits<float>::min()));
+    left -= s * (Scalar(1) / square);
     fresh += left * sqrt(scale(d));
   }
   const auto squared = [](const TriplePair<Scalar>& a) { return dot(a.linear, a.linear) + dot(a.angular, a.angular); };
