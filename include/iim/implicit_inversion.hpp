@@ -27,8 +27,8 @@ namespace detail {
 /// The number of active columns from which on the product costs less than the sweep for all that may follow; max_columns + 1
 /// if it never does.
 ///
-/// Costs are loop steps of one vector register each: weighted as measured on chains of 5 to 500 links and trees of 15 to 255
-/// where a register holds several rows or columns, otherwise as counted. Columns are taken to be spread over the inputs of
+/// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as
+/// measured with AVX-512 on chains to 100 links and trees to 63 (and compared with SSE2 and AVX2), otherwise as counted. Columns are taken to be spread over the inputs of
 /// the tree evenly.
 template <class Tree>
 Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)

@@ -16,6 +16,7 @@
 #include <iim/bundle_product.hpp>
 #include <iim/inputs.hpp>
 #include <iim/limb_product.hpp>
+#include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
@@ -145,7 +146,7 @@ private:
       y.fill(Lanes::Zero());
       if (a < needed) {
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + components * a + c * lanes); }
-        shift(state.r, y);
+        shift_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
@@ -197,17 +198,6 @@ private:
     const Lanes q_dot = load(h + rate * lanes);
     for (int c = 0; c < 6; ++c) { V[at(c)] += S(c) * q_dot; }
     return q_dot;
-  }
-
-  /// X(r), one product after the other: six multiply-adds instead of nine operations (3 % of this file's time).
-  [[gnu::always_inline]] static void shift(const Vector3<Scalar>& r, std::array<Lanes, 6>& y)
-  {
-    y[0] += y[4] * r(2);
-    y[1] += y[5] * r(0);
-    y[2] += y[3] * r(1);
-    y[0] -= y[5] * r(1);
-    y[1] -= y[3] * r(2);
-    y[2] -= y[4] * r(0);
   }
 
   /// x into a lane that is zero.
@@ -266,7 +256,7 @@ private:
         const RootInertia<Scalar>& N = ws.root(input.frame);
         if (N.keeps_v) { add_rate(h + components * a, N.S, V); }
       }
-      shift(x, V);
+      shift_twist(x, V);
       // Three rows by three, so that V stays in registers (2 % of several states).
       const auto put = [&]<int first>(std::integral_constant<int, first>) __attribute__((always_inline)) {
         unrolled<3>([&](auto c) __attribute__((always_inline)) {

@@ -41,7 +41,7 @@ public:
   {
     for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
-    tree.outward([&]<class N, class S>(const N&, const S&) { own_.push_back({S::n_frames, S::n_i, is_free<S>()}); });
+    tree.outward([&]<class N, class S>(const N&, const S&) { own_.push_back({S::n_i, is_free<S>()}); });
   }
 
   /// Writes all active columns (n_v × inputs.columns()). The workspace holds the O(n) pass of the state.
@@ -225,12 +225,7 @@ private:
           unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
         }
       }
-      p[3] += p[2] * state.r(1);
-      p[4] += p[0] * state.r(2);
-      p[5] += p[1] * state.r(0);
-      p[3] -= p[1] * state.r(2);
-      p[4] -= p[2] * state.r(0);
-      p[5] -= p[0] * state.r(1);
+      shift_wrench(state.r, p);
       Six& inlet = moving_[at(buffers_[node.inlet])];
       char& load = loads_[at(node.inlet)];
       if ((load & by_child) != 0) {
@@ -262,12 +257,7 @@ private:
       Six y;
       if (guided) {
         copy(moving_[at(buffers_[node.inlet])], y);
-        y[0] += y[4] * state.r(2);
-        y[1] += y[5] * state.r(0);
-        y[2] += y[3] * state.r(1);
-        y[0] -= y[5] * state.r(1);
-        y[1] -= y[3] * state.r(2);
-        y[2] -= y[4] * state.r(0);
+        shift_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
@@ -389,7 +379,6 @@ private:
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   struct Own {
-    int frames;
     int velocities;
     bool free;
   };
@@ -400,7 +389,7 @@ private:
   // from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven, takes 20 % less.
   FrameBuffers buffers_;
   std::vector<Six> moving_;
-  std::vector<Six> applied_;  // to a frame by inputs
+  std::vector<Six> applied_;  // to a frame by inputs; of a free one in square-root form its motion, till the outward loop
   std::vector<char> loads_;   // of a frame, of type Load
   std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈

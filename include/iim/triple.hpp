@@ -74,7 +74,6 @@ public:
   {
     return Triple(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2), a(0) * b(1) - a(1) * b(0));
   }
-  [[gnu::always_inline]] Scalar sum() const { return at_[0] + at_[1] + at_[2]; }
   [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b)
   {
     using std::max;
@@ -157,7 +156,6 @@ public:
   {
     return (a * b.turned() - a.turned() * b).turned();
   }
-  [[gnu::always_inline]] Scalar sum() const { return (v_[0] + v_[1]) + v_[2]; }
   [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b)
   {
     return of(a.v_ > b.v_ ? a.v_ : b.v_);

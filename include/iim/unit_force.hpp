@@ -95,8 +95,8 @@ public:
     if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
     auto Bhat = result_.Bhat(m);
-    sweep_(fd.workspace(), Bhat);
-    return result_.result(m, detail::all_finite(Bhat) ? Status::ok : Status::not_finite, -1);
+    const bool finite = sweep_(fd.workspace(), Bhat) || detail::all_finite(Bhat);
+    return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 
 private:
