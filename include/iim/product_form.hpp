@@ -146,7 +146,7 @@ private:
       y.fill(Lanes::Zero());
       if (a < needed) {
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + components * a + c * lanes); }
-        shift_twist(state.r, y);
+        move_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
@@ -256,7 +256,7 @@ private:
         const RootInertia<Scalar>& N = ws.root(input.frame);
         if (N.keeps_v) { add_rate(h + components * a, N.S, V); }
       }
-      shift_twist(x, V);
+      move_twist(x, V);
       // Three rows by three, so that V stays in registers (2 % of several states).
       const auto put = [&]<int first>(std::integral_constant<int, first>) __attribute__((always_inline)) {
         unrolled<3>([&](auto c) __attribute__((always_inline)) {

@@ -27,7 +27,7 @@ template <class T>
 /// Six components about a point x + r, where they are given about x: of a twist. One product after the other, six
 /// multiply-adds instead of nine operations (3 % of the product form's time).
 template <class Vector, class Lane>
-[[gnu::always_inline]] inline void shift_twist(const Vector& r, std::array<Lane, 6>& V)
+[[gnu::always_inline]] inline void move_twist(const Vector& r, std::array<Lane, 6>& V)
 {
   V[0] += V[4] * r(2);
   V[1] += V[5] * r(0);
@@ -39,7 +39,7 @@ template <class Vector, class Lane>
 
 /// Its transpose: about x of a wrench that is given about x + r.
 template <class Vector, class Lane>
-[[gnu::always_inline]] inline void shift_wrench(const Vector& r, std::array<Lane, 6>& w)
+[[gnu::always_inline]] inline void move_wrench(const Vector& r, std::array<Lane, 6>& w)
 {
   w[3] += w[2] * r(1);
   w[4] += w[0] * r(2);

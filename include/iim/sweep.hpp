@@ -225,7 +225,7 @@ private:
           unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
         }
       }
-      shift_wrench(state.r, p);
+      move_wrench(state.r, p);
       Six& inlet = moving_[at(buffers_[node.inlet])];
       char& load = loads_[at(node.inlet)];
       if ((load & by_child) != 0) {
@@ -257,7 +257,7 @@ private:
       Six y;
       if (guided) {
         copy(moving_[at(buffers_[node.inlet])], y);
-        shift_twist(state.r, y);
+        move_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
