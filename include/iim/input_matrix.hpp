@@ -9,6 +9,7 @@
 
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
+#include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
@@ -46,9 +47,7 @@ public:
       for (Index a = 0; a < node.path_v; a += lanes) {
         std::array<Lanes<Scalar>, 6> y;
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(from + c * depth_ + a); }
-        y[0] += y[4] * state.r(2) - y[5] * state.r(1);
-        y[1] += y[5] * state.r(0) - y[3] * state.r(2);
-        y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+        move_twist(state.r, y);
         visit(a, y);
         for (int k = 0; k < S::n_frames; ++k) {
           Scalar* to = rows(node.frame + k) + a;

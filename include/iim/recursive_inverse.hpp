@@ -15,6 +15,7 @@
 #include <iim/forward_dynamics.hpp>
 #include <iim/input_matrix.hpp>
 #include <iim/inputs.hpp>
+#include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
@@ -146,9 +147,7 @@ private:
   /// X(r)ᵀ p in columns j … of p_.
   [[gnu::always_inline]] void store_shifted(const Vector3<Scalar>& r, std::array<Lanes, 6>& p, Index j, Index count)
   {
-    p[3] += p[2] * r(1) - p[1] * r(2);
-    p[4] += p[0] * r(2) - p[2] * r(0);
-    p[5] += p[1] * r(0) - p[0] * r(1);
+    detail::move_wrench(r, p);
     for (int c = 0; c < 6; ++c) { detail::store(p_.data() + c * stride_ + j, p[at(c)], count); }
   }
 
