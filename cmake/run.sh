@@ -16,7 +16,7 @@ sh cmake/run.sh VERB [-- further arguments]
   accuracy   error by scalar, update and model; leaves build/report/
   types      what each type of subsystem costs, and a legged machine by all methods; leaves build/report/
   several    several states at once on one core, against one at a time; leaves build/report/
-  setup VERB [clang]   only installs what VERB needs (and clang++)
+  setup VERB [clang]   only installs what VERB needs (and clang++ with its sanitizers)
   help       this text
 
 What a verb needs and the machine lacks is installed by the system's package manager (apt-get; on other systems the
@@ -75,6 +75,7 @@ have() {  # have THING
     cmake) have_cmake ;;
     compiler) find_compiler; [ -n "$compiler" ] ;;
     clang) new_enough clang++ ;;
+    clang_sanitizers) echo 'int main() {}' | clang++ -fsanitize=address,undefined -x c++ -o /dev/null - 2> /dev/null ;;
     maker) command -v ninja > /dev/null 2>&1 || command -v make > /dev/null 2>&1 ;;
     eigen) have_header eigen3/Eigen/Core Eigen/Core || [ -n "${Eigen3_DIR:-}" ] ;;
     catch2) have_header catch2/catch.hpp catch2/catch_all.hpp || [ -n "${Catch2_DIR:-}" ] ;;
@@ -98,6 +99,7 @@ package_of() {  # package_of SYSTEM THING: the name of the package
     dnf:compiler) echo gcc-c++ ;;
     pacman:compiler) echo gcc ;;
     *:clang) echo clang ;;
+    apt:clang_sanitizers) echo libclang-rt-dev ;;
     *:maker) echo make ;;
     apt:eigen) echo libeigen3-dev ;;
     dnf:eigen) echo eigen3-devel ;;
@@ -285,8 +287,9 @@ verb=${1:-help}
 case $verb in
   setup)
     things=$(needs_of "${1:-test}")
-    if [ "${2:-}" = clang ]; then things="$things clang"; fi
-    provide "$things" "$(wants_of "${1:-test}")"
+    wishes=$(wants_of "${1:-test}")
+    if [ "${2:-}" = clang ]; then things="$things clang"; wishes="$wishes clang_sanitizers"; fi
+    provide "$things" "$wishes"
     exit 0
     ;;
 esac
