@@ -104,4 +104,25 @@ struct BodyRoot {
   }
 };
 
+/// Part of z in the rows of moments that a moment m on a body is, N_bᵀ z = −m; takes from m what these rows carry. As a
+/// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that ever
+/// so light.
+template <class Scalar>
+Vector3<Scalar> moment_of_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, Vector3<Scalar>& m)
+{
+  using std::abs;
+  Vector3<Scalar> z(Scalar(0), Scalar(0), Scalar(0)), left = m;
+  Matrix3<Scalar> p;
+  multiply(R, body.axes, p);
+  for (int k = 0; k < body.rows - 3; ++k) {
+    const Scalar along = p(0, k) * m(0) + p(1, k) * m(1) + p(2, k) * m(2);
+    z(k) = -along / body.root_moment(k);
+    for (int i = 0; i < 3; ++i) { left(i) -= along * p(i, k); }
+  }
+  // m is at right angles to the rotor's axis, about which its body has no row; the roundings of I − a aᵀ turn the body's axes.
+  const Scalar roundings = Scalar(256) * Eigen::NumTraits<Scalar>::epsilon() * (abs(m(0)) + abs(m(1)) + abs(m(2)));
+  for (int i = 0; i < 3; ++i) { m(i) = abs(left(i)) > roundings ? left(i) : Scalar(0); }
+  return z;
+}
+
 }  // namespace iim::detail

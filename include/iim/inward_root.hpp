@@ -72,27 +72,6 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
   for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
 }
 
-/// Part of z in the rows of moments that a moment m on a body is, N_bᵀ z = −m; takes from m what these rows carry. As a
-/// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that ever
-/// so light.
-template <class Scalar>
-Vector3<Scalar> moment_of_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, Vector3<Scalar>& m)
-{
-  using std::abs;
-  Vector3<Scalar> z(Scalar(0), Scalar(0), Scalar(0)), left = m;
-  Matrix3<Scalar> p;
-  multiply(R, body.axes, p);
-  for (int k = 0; k < body.rows - 3; ++k) {
-    const Scalar along = p(0, k) * m(0) + p(1, k) * m(1) + p(2, k) * m(2);
-    z(k) = -along / body.root_moment(k);
-    for (int i = 0; i < 3; ++i) { left(i) -= along * p(i, k); }
-  }
-  // m is at right angles to the rotor's axis, about which its body has no row; the roundings of I − a aᵀ turn the body's axes.
-  const Scalar roundings = Scalar(256) * Eigen::NumTraits<Scalar>::epsilon() * (abs(m(0)) + abs(m(1)) + abs(m(2)));
-  for (int i = 0; i < 3; ++i) { m(i) = abs(left(i)) > roundings ? left(i) : Scalar(0); }
-  return z;
-}
-
 /// √m of the heaviest body that the frames of S carry.
 template <class S, class N, class Workspace>
 typename S::Scalar heaviest(const N& node, const Workspace& ws)
@@ -106,10 +85,10 @@ typename S::Scalar heaviest(const N& node, const Workspace& ws)
 /// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
 /// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments.
 template <Scene scene, class S, class N, class Workspace>
-void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count,
-                    bool inlet_bodies, Workspace& ws, [[maybe_unused]] int within = 0,
-                    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
-                    [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
+[[gnu::always_inline]] inline void stack_on_inlet(
+    const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
+    Workspace& ws, [[maybe_unused]] int within = 0, Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
+    [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
 {
   using std::abs;
   using std::max;
@@ -125,52 +104,56 @@ void stack_on_inlet(const N& node, const NodeState<S>& state, const RootRow<type
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { known(i) += state.c(i); }
   }
-  const auto stack_on = [&](RootRow<Scalar>* row) {
-    const RowMove<Scalar> move = row_move(state.r, known, T);
-    RootRow<Scalar> size = RootRow<Scalar>::Zero();
-    for (int r = 0; r < count; ++r, ++row) {
-      size += left[r].abs();
-      *row = moved(left[r], move);
-    }
+  const int rows = inlet.rows + count + body_rows;
+  const bool fits = rows <= capacity;
+  std::array<RootRow<Scalar>, most> stack;
+  if (!fits) { std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin()); }
+  RootRow<Scalar>* row = (fits ? inlet.row.data() : stack.data()) + inlet.rows;
+  const RowMove<Scalar> move = row_move(state.r, known, T);
+  RootRow<Scalar> size = RootRow<Scalar>::Zero();
+  for (int r = 0; r < count; ++r, ++row) {
+    size += left[r].abs();
+    *row = moved(left[r], move);
+  }
+  if (inlet.keeps_v) {
     if constexpr (one_column<S, Workspace> && has_within<S>()) {  // the last rows, of what lies within: n S_i is not 0
-      for (int r = 1; r <= within && inlet.keeps_v; ++r) {
-        const Scalar& share = ws.shared_axis(node.index).share;
-        for (int k = 0; k < 6; ++k) {
-          const Scalar x = left[count - r](k) * state.S_k[0](k);
-          row[-r](along_S) += x * share;
-          inlet.scale += abs(x * share);
-        }
-      }
-    }
-    if (inlet.keeps_v) {
+      const Scalar& share = ws.shared_axis(node.index).share;
+      for (int r = 1; r <= within; ++r) {
+        Scalar along(0), whole(0);
 #pragma GCC unroll 8
-      for (int k = 0; k < 6; ++k) { inlet.scale += size(k) * abs(T(k)); }
-    }
-    if (body_rows > 0) {
-      const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-      const Vector6<Scalar> column = inlet.keeps_v ? shift_twist(state.r, inlet.S) : none;
-      Scalar scale;
-      place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
-      if (inlet.keeps_v) { inlet.scale += scale; }
-      if constexpr (scene.velocity && rotor_count<S>() > 0) {
-        for (int k = 3; k < body_rows; ++k) { row[k](rhs) += turning(k - 3); }
+        for (int k = S::pattern.linear ? 0 : 3; k < (S::pattern.angular ? 6 : 3); ++k) {
+          const Scalar x = left[count - r](k) * state.S_k[0](k);
+          along += x;
+          whole += abs(x);
+        }
+        row[-r](along_S) += along * share;
+        inlet.scale += whole * abs(share);
       }
-      Vector6<Scalar> c = none;
-      if constexpr (scene.velocity) { c.template head<3>() = state.c; }
-      const RowMove<Scalar> body_move = row_move(state.r, c, none);
-      for (int r = 0; r < body_rows; ++r, ++row) { *row = moved(*row, body_move); }
     }
-  };
+    Scalar moved_scale(0);
+#pragma GCC unroll 8
+    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * abs(T(k)); }
+    inlet.scale += moved_scale;
+  }
+  if (body_rows > 0) {
+    const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+    const Vector6<Scalar> column = inlet.keeps_v ? shift_twist(state.r, inlet.S) : none;
+    Scalar scale;
+    place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
+    if (inlet.keeps_v) { inlet.scale += scale; }
+    if constexpr (scene.velocity && rotor_count<S>() > 0) {
+      for (int k = 3; k < body_rows; ++k) { row[k](rhs) += turning(k - 3); }
+    }
+    Vector6<Scalar> c = none;
+    if constexpr (scene.velocity) { c.template head<3>() = state.c; }
+    const RowMove<Scalar> body_move = row_move(state.r, c, none);
+    for (int r = 0; r < body_rows; ++r, ++row) { *row = moved(*row, body_move); }
+  }
   inlet.heaviest = max(inlet.heaviest, heaviest<S>(node, ws));
   if (body_rows > 0) { inlet.heaviest = max(inlet.heaviest, body.root_mass); }
-  const int rows = inlet.rows + count + body_rows;
-  if (rows <= capacity) {
-    stack_on(inlet.row.data() + inlet.rows);
+  if (fits) {
     inlet.rows = rows;
   } else {
-    std::array<RootRow<Scalar>, most> stack;
-    std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin());
-    stack_on(stack.data() + inlet.rows);
     std::array<int, 6> pivot;
     inlet.rows = compress<6, most>(stack.data(), rows, inlet.row.data(), pivot);
   }
@@ -301,7 +284,9 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
-    if constexpr (n_within > 0) {
+    if constexpr (n_within == 1) {
+      if (n_put > 0) { rotate_along(rows[0], rows[bodies]); }
+    } else if constexpr (n_within > 1) {
       std::array<RootRow<Scalar>, 1 + n_within + abreast> few;
       n_put = std::min(n_put, n_within);  // as it is, for compilers to see
       few[0] = rows[0];
