@@ -164,15 +164,12 @@ private:
   std::vector<Index> limb_of_velocity_;
 };
 
-/// One column of β, sorted along the tree.
-template <class Scalar>
+/// One column of β, sorted along the tree. What it holds depends on which inputs are active, not on the state.
 struct BetaColumn {
-  Index bhat;         ///< column of B̂
-  Index subsystem;    ///< that the input acts on
-  Index v;            ///< row of L that it is, times `scale`; −1: something else
-  Index depth;        ///< path positions that the input reaches
-  Scalar* row;        ///< by path position; zero in the lanes after the last
-  Scalar scale;       ///< of all of these
+  Index begin;      ///< place of its first entry in B̂
+  Index subsystem;  ///< that the input acts on
+  Index depth;      ///< path positions that the input reaches
+  Index row;        ///< where it stands, by path position, among the rows of L and what comes after these
 };
 
 /// Memory for something per frame that only the frame's children read, on a walk outward: it lives until the last child
@@ -225,20 +222,30 @@ public:
                      [&](Index a, Index b) { return inputs.block(a).subsystem < inputs.block(b).subsystem; });
     for (const Index id : order_) { ++end_[static_cast<std::size_t>(inputs.block(id).subsystem) + 1]; }
     for (std::size_t i = 1; i < end_.size(); ++i) { end_[i] += end_[i - 1]; }
-    bhat_column_.assign(order_.size(), 0);
+    bhat_column_.assign(order_.size(), -1);
   }
 
   const Inputs<Tree>& inputs() const { return *inputs_; }
 
-  /// Notes which blocks are active now; before the loops below.
-  void number_columns()
+  /// Number of one of its blocks.
+  Index id(const Input<Scalar>& block) const { return static_cast<Index>(&block - &inputs_->block(0)); }
+
+  /// Notes which blocks are active now; before the loops below. Returns whether these are others than the last time
+  /// (at first: than none).
+  bool number_columns()
   {
+    bool same = true;
+    for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
+      same &= (bhat_column_[id] >= 0) == inputs_->block(static_cast<Index>(id)).active;
+    }
+    if (same) { return false; }
     Index column = 0;
     for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
-      bhat_column_[id] = column;
       const Input<Scalar>& input = inputs_->block(static_cast<Index>(id));
+      bhat_column_[id] = input.active ? column : -1;
       column += input.active ? input.size : 0;
     }
+    return true;
   }
 
   /// Calls f(block, its first column in B̂) for the active blocks that act on a subsystem.
@@ -267,7 +274,7 @@ private:
   const Inputs<Tree>* inputs_;
   std::vector<Index> order_;
   std::vector<std::size_t> end_;    // of a subsystem: place in order_ behind the blocks on those before it
-  std::vector<Index> bhat_column_;  // of a block: first column of B̂
+  std::vector<Index> bhat_column_;  // of a block: first column of B̂; −1: not active
 };
 
 }  // namespace iim::detail

@@ -101,40 +101,46 @@ void multiply(const LimbTile<Scalar, count>& tile, Scalar& check)
 template <class Scalar>
 class LimbProduct {
 public:
+  static constexpr Index least_rows = 0;  ///< of L
+
   template <class Tree>
-  explicit LimbProduct(const Tree& tree) : limbs_(tree)
+  LimbProduct(const Tree& tree, Index) : limbs_(tree)
   {
     for (const Node& node : tree.nodes()) {
       const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
       path_end_.insert(path_end_.end(), at(own_end - node.v), node.path_v + own_end - node.v);
-      if (limbs_.limb_of(node.index) == static_cast<Index>(subsystems_.size())) {
-        subsystems_.push_back({node.index, node.subtree_end});
+      if (limbs_.limb_of(node.index) == static_cast<Index>(subtrees_.size())) {
+        subtrees_.push_back({node.index, node.subtree_end, 0, 0});
       }
       roots_ += node.parent < 0;
     }
   }
 
-  /// B̂ = L β. L_rows: row v by path position. The columns on subsystems before i are the first first_column[i]; their rows
-  /// become zero from their depth to the end of their limb. Returns true if B̂ is known to be finite.
+  /// For columns that are others than before. Those on subsystems before i are the first first_column[i].
+  void plan(const std::vector<BetaColumn>&, const std::vector<Index>& first_column)
+  {
+    for (Subtree& subtree : subtrees_) {
+      subtree.columns = first_column[at(subtree.begin)];
+      subtree.columns_end = first_column[at(subtree.end)];
+    }
+  }
+
+  /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these the columns; zero where
+  /// they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
-  bool operator()(const MatrixX<Scalar>& L_rows, const std::vector<Index>&, const std::vector<BetaColumn<Scalar>>& columns,
-                  const std::vector<Index>& first_column, Matrix& Bhat)
+  bool operator()(const MatrixX<Scalar>& rows, const std::vector<Scalar>&, const std::vector<BetaColumn>& columns,
+                  Matrix& Bhat)
   {
     check_ = Scalar(0);
     if (roots_ != 1) { Bhat.setZero(); }
-    for (Index j = 0; j < first_column.back(); ++j) {
-      const BetaColumn<Scalar>& column = columns[at(j)];
-      std::fill(column.row + column.depth, column.row + limbs_[limbs_.limb_of(column.subsystem)].end, Scalar(0));
-    }
     for (Index k = 0; k < limbs_.size(); ++k) {
-      const auto [subsystem, subtree_end] = subsystems_[at(k)];
-      const Index end = first_column[at(subtree_end)];
-      Index j = first_column[at(subsystem)];
-      for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+      const Index end = subtrees_[at(k)].columns_end;
+      Index j = subtrees_[at(k)].columns;
+      for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], rows, columns.data() + j, Bhat); }
       if constexpr (is_register<Scalar>) {
-        for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+        for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], rows, columns.data() + j, Bhat); }
       }
-      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], L_rows, columns.data() + j, Bhat); }
+      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], rows, columns.data() + j, Bhat); }
     }
     return is_register<Scalar> && detail::is_finite(check_);
   }
@@ -142,13 +148,13 @@ public:
 private:
   /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
   template <int count, class Matrix>
-  void multiply_tile(const Limb& limb, const MatrixX<Scalar>& L_rows, const BetaColumn<Scalar>* columns, Matrix& Bhat)
+  void multiply_tile(const Limb& limb, const MatrixX<Scalar>& rows, const BetaColumn* columns, Matrix& Bhat)
   {
-    LimbTile<Scalar, count> tile{limb, 0, L_rows.data(), L_rows.rows(), {}, path_end_.data(), {}};
+    LimbTile<Scalar, count> tile{limb, 0, rows.data(), rows.rows(), {}, path_end_.data(), {}};
     for (int j = 0; j < count; ++j) {
       tile.depth = std::max(tile.depth, columns[j].depth);
-      tile.beta[at(j)] = columns[j].row;
-      tile.column[at(j)] = Bhat.data() + columns[j].bhat * Bhat.rows();
+      tile.beta[at(j)] = rows.data() + columns[j].row * rows.rows();
+      tile.column[at(j)] = Bhat.data() + columns[j].begin;
     }
     tile.depth = std::min(tile.depth, limb.end);
     multiply(tile, check_);
@@ -156,13 +162,14 @@ private:
 
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  struct Range {
-    Index begin, end;
+  struct Subtree {
+    Index begin, end;            ///< subsystems
+    Index columns, columns_end;  ///< on them
   };
 
   Limbs limbs_;
-  std::vector<Index> path_end_;    // of a row: path positions up to and including its subsystem
-  std::vector<Range> subsystems_;  // of a limb: those of its subtree
+  std::vector<Index> path_end_;  // of a row: path positions up to and including its subsystem
+  std::vector<Subtree> subtrees_;  // of a limb
   Index roots_ = 0;
   Scalar check_;  // the sum of all that was written to B̂, if Scalar is a register
 };
