@@ -75,7 +75,7 @@ template <class Scalar, class Factor>
 [[gnu::always_inline]] inline RootRow<Scalar> subtract(RootRow<Scalar>* rows, int count, const RootRow<Scalar>& w, Factor&& x)
 {
   RootRow<Scalar> a = RootRow<Scalar>::Zero(), b = a, c = a, d = a;
-  const auto step = [&](int r, RootRow<Scalar>& sum) {
+  const auto step = [&](int r, RootRow<Scalar>& sum) __attribute__((always_inline)) {
     const RootRow<Scalar> n = rows[r] - w * x(r);
     rows[r] = n;
     sum += n * n;
@@ -222,7 +222,7 @@ template <class Scalar>
 /// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
 /// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
 template <int steps, std::size_t most, class Scalar>
-int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
+[[gnu::noinline, gnu::flatten]] int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
              std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
 {
   count = std::min(count, static_cast<int>(most));

@@ -18,6 +18,19 @@
 // rotor's row.
 // The gyroscopic moment of a rotor with a body of its own is z of that body's rows. A free frame, which has no
 // one S, takes that of the joint which carries most (free_root.hpp).
+//
+// What is left of the error is what rows of N in working precision are worth, and not how they are reduced. Where masses grow
+// tenfold per link outward, 12 links, the light inner links stand between the world and what hardly moves, and one ε in the
+// data moves B̂ by 520 ε. The pass in extended precision, with one kind of quantity rounded to double once wherever it is
+// stored, all else exact, in ε of double, worst of 100 states and median (B̂):
+//
+//     reflected rows     96    2.9        r_pi              46    0.8        v of the rows      11    1.7
+//     compressed rows    52    2.1        R                 12    1.0        W                  11    1.2
+//     S against S_i      51    1.1        S_k                4    0.5        body rows, D      1.3    0.5
+//     moved rows         49    2.5        all of these     180    6.0        all in double     141   10.9
+//
+// Sines with a tail or products of rotations in two parts would gain nothing: without R, r and S_k it is 140 as well.
+//
 // Applied forces have no square root; they stay a wrench p beside N, p' = p − Wᵀ (Sᵀp − τ).
 #pragma once
 
@@ -35,9 +48,10 @@
 namespace iim::detail {
 
 /// [N | z] of what one frame carries: its own body's rows as they are, and those of its children. Rows are compressed where
-/// there would be more than `loose`: a reflection takes as long for twenty rows as for ten, since each waits for the one
-/// before, and of three joints in a row only one needs seven (27 % of q̈₀ and B̂ of the biped). More rows than rank have a
-/// residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and rows are compressed.
+/// there would be more than `loose`: a reflection of twenty rows costs little more than one of ten, and compressing as much
+/// as several. (The pass of the biped takes 4.8 µs with 10, 3.6 with 20, 3.12 with 26 and 3.04 with 32, where registers hold
+/// eight numbers; where they hold two, 26 is the best.) More rows than rank have a residual in z; where it is a force between
+/// heavy bodies its roundings move what is much lighter, and rows are compressed.
 template <class Scalar>
 struct RootInertia {
   static constexpr int loose = 26;
