@@ -98,46 +98,49 @@ private:
     std::fill(scale_.begin(), scale_.end(), Scalar(1));
     scaled_.clear();
     projections_.clear();
-    tree_->outward([&]<class N, class S>(const N& node, const S&) {
+    const auto own_of = [&](const Node& node) {
+      return (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
+    };
+    for (const Node& node : tree_->nodes()) {
+      const Index own = own_of(node);
       Step& step = steps_[at(node.index)];
       first_column_[at(node.index)] = static_cast<Index>(columns_.size());
       step.projections = projections_.size();
       inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
         // With lanes > 1 a motor on a single velocity: a row of L as it is.
-        const bool as_it_is = lanes > 1 && S::n_i == 1 && input.kind == InputKind::motor;
+        const bool as_it_is = lanes > 1 && own == 1 && input.kind == InputKind::motor;
         const auto column = static_cast<Index>(columns_.size());
         if (!as_it_is) { projections_.push_back({inputs_.id(input), column}); }
         for (Index j = 0; j < input.size; ++j) {
           if (as_it_is) { scaled_.push_back({column + j, input.bbar + j}); }
-          columns_.push_back({(bhat + j) * tree_->n_v(), node.index, node.path_v + S::n_i,
+          columns_.push_back({(bhat + j) * tree_->n_v(), node.index, node.path_v + own,
                               as_it_is ? Index(input.v) : first_beta_ + column + j});
         }
       });
       step.projections_end = projections_.size();
-    });
+    }
     first_column_.back() = static_cast<Index>(columns_.size());
     // Columns that no input reaches are not computed; those of a subsystem's ancestors that one does come first.
-    tree_->outward([&]<class N, class S>(const N& node, const S&) {
-      const bool reached = this->reached(node);
+    for (const Node& node : tree_->nodes()) {
+      const bool reached = is_reached(node);
       Step& step = steps_[at(node.index)];
-      step.own = reached ? S::n_i : 0;
+      step.own = reached ? own_of(node) : 0;
       step.own_from = reached ? node.path_v / lanes * lanes : depth_;
-      const bool guided = node.parent < 0 || this->reached(tree_->node(node.parent));
+      const bool guided = node.parent < 0 || is_reached(tree_->node(node.parent));
       step.needed = guided ? Index(node.path_v) : steps_[at(node.parent)].needed;
-      for (int d = 0; d < S::n_i; ++d) {
-        Index& end = row_end_[at(node.v + d)];
+      for (Index v = node.v; v < node.v + own_of(node); ++v) {
+        Index& end = row_end_[at(v)];
         const Index was = end;
         end = padded<Scalar>(step.needed + step.own);
-        if (end < was) { std::fill(row(node.v + d) + end, row(node.v + d) + was, Scalar(0)); }
+        if (end < was) { std::fill(row(v) + end, row(v) + was, Scalar(0)); }
       }
-    });
+    }
     rows_.rightCols(rows_.cols() - first_beta_).setZero();
     product_.plan(columns_, first_column_);
   }
 
   /// Whether an active input acts on the subtree of a subsystem.
-  template <class N>
-  bool reached(const N& node) const
+  bool is_reached(const Node& node) const
   {
     return first_column_[at(node.index)] < first_column_[at(node.subtree_end)];
   }
@@ -155,16 +158,18 @@ private:
   }
 
   template <class S, class Workspace, class N>
-  [[gnu::noinline]] void project(const Workspace& ws, const N& node, const Projection& projection)
+  [[gnu::always_inline]] void project(const Workspace& ws, const N& node, const Projection& projection)
   {
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
     Scalar* const beta = row(first_beta_ + projection.column);
-    if (input.kind == InputKind::motor) {
-      project_motor<S>(ws, input, beta, depth);
-    } else {
-      project_point(ws, input, beta, depth);
+    if constexpr (S::n_u > 0 && (lanes == 1 || S::n_i > 1)) {
+      if (input.kind == InputKind::motor) {
+        project_motor<S>(ws, input, beta, depth);
+        return;
+      }
     }
+    project_point(ws, input, beta, depth);
   }
 
   /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`
@@ -282,7 +287,7 @@ private:
 
   /// β = Hᵀ w: velocities of the point, and of its body, per path position.
   template <class Workspace>
-  void project_point(const Workspace& ws, const Input<Scalar>& input, Scalar* beta, Index depth)
+  [[gnu::noinline]] void project_point(const Workspace& ws, const Input<Scalar>& input, Scalar* beta, Index depth)
   {
     const FrameState<Scalar>& f = ws.frame(input.frame);
     Vector3<Scalar> x = f.r;
