@@ -28,7 +28,7 @@ namespace detail {
 /// if it never does.
 ///
 /// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as measured
-/// with AVX-512, AVX2 and SSE2 on chains to 100 links and trees to 63 (wrong in 9 of 226 cases, by 7 % at most), otherwise
+/// with AVX-512, AVX2 and SSE2 on chains to 100 links and trees to 63 (wrong in 9 of 258 cases, by 11 % at most), otherwise
 /// as counted. Columns are taken to be spread over the inputs of the tree evenly.
 template <class Tree>
 Index product_pays_from(const Tree& tree, const Inputs<Tree>& inputs)
