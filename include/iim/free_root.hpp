@@ -16,6 +16,7 @@
 
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/registers.hpp>
 #include <iim/root_rows.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
@@ -107,7 +108,9 @@ bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>
   }
   if (keeps_v) { scale(p) = inertia.scale; }
   std::array<int, 6> pivot{};
-  if (compress<6, static_cast<std::size_t>(most)>(inertia.row.data(), count, N.data(), pivot) < 6) { return false; }
+  const int rank = in_one_function<Scalar>(
+      [&] { return compress<6, static_cast<std::size_t>(most)>(inertia.row.data(), count, N.data(), pivot); });
+  if (rank < 6) { return false; }
   bool regular = true;
   std::array<RootRow<Scalar>, most + RootInertia<Scalar>::within + abreast>& G = inertia.row;
   for (int k = 5; k >= 0; --k) {

@@ -6,6 +6,7 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/inward_root.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/registers.hpp>
 #include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
@@ -222,7 +223,7 @@ void rigid_inward(const N& node, Workspace& ws)
       const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
       share_axis<S>(node, state, false, ws);
       put_wrench<S>(node, state, p, Scalar(0), ws);
-      stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws);
+      in_one_function<Scalar>([&] { stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws); });
     } else {
       SpatialInertia<Scalar> A = f.A;
       TriplePair<Scalar> p(f.h.data());

@@ -4,6 +4,7 @@
 #include <iim/free_root.hpp>
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/registers.hpp>
 #include <iim/root_rows.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
@@ -84,10 +85,8 @@ typename S::Scalar heaviest(const N& node, const Workspace& ws)
 
 /// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
 /// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments.
-// Flat, as joint_inward and compress: g++ stops inlining operations on rows in functions of that size (the pass of the
-// biped takes 10.0 µs without it and 6.2 with it where registers hold two numbers, 3.7 and 3.55 where they hold four).
 template <Scene scene, class S, class N, class Workspace>
-[[gnu::noinline, gnu::flatten]] void stack_on_inlet(
+void stack_on_inlet(
     const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
     Workspace& ws, [[maybe_unused]] int within = 0, Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
     [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
@@ -157,13 +156,13 @@ template <Scene scene, class S, class N, class Workspace>
     inlet.rows = rows;
   } else {
     std::array<int, 6> pivot;
-    inlet.rows = compress<6, most>(stack.data(), rows, inlet.row.data(), pivot);
+    inlet.rows = in_one_function<Scalar>([&] { return compress<6, most>(stack.data(), rows, inlet.row.data(), pivot); });
   }
 }
 
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
 template <Scene scene, class S, class N, class Workspace>
-[[gnu::flatten]] void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
 {
   using std::abs;
   using std::sqrt;
@@ -364,13 +363,16 @@ template <Scene scene, class S, class N, class Workspace>
     std::array<int, 6> pivot;
     const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
     const int rank = keeps_v || annihilated ? 6 - n_i : 6;
-    left_rows = compress<6, room>(left, left_rows - apart, compressed.data(), pivot, rank);
+    const int others = left_rows - apart;
+    left_rows = in_one_function<Scalar>([&] { return compress<6, room>(left, others, compressed.data(), pivot, rank); });
     if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
     left_rows += apart;
     left = compressed.data();
   }
   const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
-  stack_on_inlet<scene>(node, state, left, left_rows, true, ws, keeps_v ? std::min(n_put, left_rows) : 0, known, turning);
+  in_one_function<Scalar>([&] {
+    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, keeps_v ? std::min(n_put, left_rows) : 0, known, turning);
+  });
 }
 
 template <Scene scene, class S, class N, class Workspace>
@@ -380,7 +382,9 @@ void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& dia
     free_inward<scene, S>(node, ws, diagnosis);
     if (node.inlet >= 0) { share_axis<S>(node, ws.template node<S>(node), typename S::Scalar(0), ws); }
   } else {
-    joint_inward<scene, S>(node, s, ws, diagnosis);
+    // This, stack_on_inlet and compress each: the pass of the biped takes 6.2 µs instead of 10.0 where registers hold two
+    // numbers, 3.55 instead of 3.7 where they hold four.
+    in_one_function<typename S::Scalar>([&] { joint_inward<scene, S>(node, s, ws, diagnosis); });
   }
 }
 

@@ -17,6 +17,23 @@ template <int n, class F>
   }(std::make_integer_sequence<int, n>{});
 }
 
+/// f() as a function of its own with all that it calls inlined, for built-in numbers: g++ stops inlining operations on rows
+/// in functions of a certain size. Of multiprecision numbers such a function would take the compiler minutes.
+template <class F>
+[[gnu::noinline, gnu::flatten]] auto flattened(F&& f)
+{
+  return f();
+}
+template <class Scalar, class F>
+[[gnu::always_inline]] inline auto in_one_function(F&& f)
+{
+  if constexpr (std::is_floating_point_v<Scalar>) {
+    return flattened(f);
+  } else {
+    return f();
+  }
+}
+
 /// Lanes that several products use: g++ would read them from memory again for each (measured: 30 % of the product for B̂).
 template <class T>
 [[gnu::always_inline]] inline void hold(T& x)

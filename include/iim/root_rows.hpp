@@ -222,7 +222,7 @@ template <class Scalar>
 /// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
 /// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
 template <int steps, std::size_t most, class Scalar>
-[[gnu::noinline, gnu::flatten]] int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
+int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
              std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
 {
   count = std::min(count, static_cast<int>(most));
