@@ -123,8 +123,8 @@ public:
   }
 
   /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand
-  /// in; zero where they end. scale: of a column,
-  /// times its row; 1 in `lanes` after the last. Returns true if B̂ is known to be finite.
+  /// in; zero where they end. scale: what a column is times its row; 1 in `lanes` after the last. Returns true if B̂ is
+  /// known to be finite.
   template <class Matrix>
   bool operator()(const MatrixX<Scalar>& rows, const std::vector<Scalar>& scale, const std::vector<BetaColumn>& columns,
                   Matrix& Bhat)
