@@ -17,6 +17,7 @@ sh cmake/run.sh VERB [-- further arguments]
   types      what each type of subsystem costs, and a legged machine by all methods; leaves build/report/
   several    several states at once on one core, against one at a time; leaves build/report/
   setup VERB [clang]   only installs what VERB needs (and clang++ with its sanitizers)
+  has THING            whether this machine has it: compiler, clang, clang_sanitizers, eigen, catch2 …
   help       this text
 
 What a verb needs and the machine lacks is installed by the system's package manager (apt-get; on other systems the
@@ -291,6 +292,10 @@ case $verb in
     if [ "${2:-}" = clang ]; then things="$things clang"; wishes="$wishes clang_sanitizers"; fi
     provide "$things" "$wishes"
     exit 0
+    ;;
+  has)
+    have "${1:-}"
+    exit
     ;;
 esac
 [ "${1:-}" != -- ] || shift

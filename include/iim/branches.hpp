@@ -25,8 +25,8 @@ inline constexpr int register_lanes<double> = std::clamp<int>(EIGEN_MAX_STATIC_A
 template <>
 inline constexpr int register_lanes<float> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(float), 1, 8);
 
-/// How many numbers one step of a loop treats: those of two registers, eight at most. (With four
-/// SSE2 registers and the sweep of that time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
+/// How many numbers one step of a loop treats: those of two registers, eight at most. (With four SSE2 registers and the
+/// sweep of that time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
 template <class Scalar>
 inline constexpr int lane_count = register_lanes<Scalar> > 1 ? std::min(2 * register_lanes<Scalar>, 8) : 1;
 
