@@ -1,0 +1,8 @@
+// What nearly every test includes, compiled once for all of them (option IIM_TEST_PRECOMPILE). Each test still includes
+// what it uses: with a compiler cache there is no such file.
+#pragma once
+
+#include "catch.hpp"
+
+#include <iim/iim.hpp>
+#include <iim/models.hpp>
