@@ -97,7 +97,7 @@ struct FrameMass {
 /// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric, without
 /// a negative principal moment, and no principal moment larger than the sum of the others.
 template <class Scalar>
-void validate_inertia(const Body<Scalar>& body, const std::string& owner)
+[[gnu::cold]] void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 {
   if (!detail::all_finite(body.com)) {
     throw ModelError(owner + ": centre of mass must be finite, got " + detail::to_text(body.com));
@@ -126,7 +126,7 @@ void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 
 /// The same for a body that must have a mass, positive and finite, unless it is massless().
 template <class Scalar>
-void validate(const Body<Scalar>& body, const std::string& owner)
+[[gnu::cold]] void validate(const Body<Scalar>& body, const std::string& owner)
 {
   if (body.is_massless) { return; }
   if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {

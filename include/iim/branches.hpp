@@ -105,7 +105,7 @@ struct Limb {
 class Limbs {
 public:
   template <class Tree>
-  explicit Limbs(const Tree& tree) : depth_(tree.max_path_v())
+  [[gnu::cold]] explicit Limbs(const Tree& tree) : depth_(tree.max_path_v())
   {
     std::vector<Index> children(static_cast<std::size_t>(tree.size()), 0);
     for (const Node& node : tree.nodes()) {
@@ -177,7 +177,7 @@ struct BetaColumn {
 class FrameBuffers {
 public:
   template <class Tree>
-  explicit FrameBuffers(const Tree& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
+  [[gnu::cold]] explicit FrameBuffers(const Tree& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
     std::vector<Index> last_use(of_frame_.size(), -1);
     for (const Node& node : tree.nodes()) {
@@ -214,7 +214,7 @@ class SortedInputs {
 public:
   using Scalar = typename Tree::Scalar;
 
-  explicit SortedInputs(const Inputs<Tree>& inputs)
+  [[gnu::cold]] explicit SortedInputs(const Inputs<Tree>& inputs)
       : inputs_(&inputs), end_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
   {
     for (Index id = 0; id < inputs.blocks(); ++id) { order_.push_back(id); }

@@ -41,7 +41,7 @@ public:
   static constexpr Index least_rows = lanes;  ///< of L; zeros after the last
 
   template <class Tree>
-  BundleProduct(const Tree& tree, Index max_columns)
+  [[gnu::cold]] BundleProduct(const Tree& tree, Index max_columns)
   {
     const Limbs limbs(tree);
     std::vector<Index> limb_paths;

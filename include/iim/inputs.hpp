@@ -51,7 +51,7 @@ public:
   /// Whether to begin with all motors of the tree, in the order of its subsystems.
   enum class Start { all_motors, empty };
 
-  explicit Inputs(const Tree& tree, Start start = Start::all_motors) : tree_(&tree)
+  [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : tree_(&tree)
   {
     if (start == Start::all_motors) {
       for (Index i = 0; i < tree.size(); ++i) {

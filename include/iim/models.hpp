@@ -62,7 +62,7 @@ enum class Motors { geared, ideal };
 /// contact points per foot ("left_heel_outer", …), with the 14 motors 38 inputs. The dimensions are ours.
 /// Motors::ideal: gear ratio 1 and no rotors, so that inputs are joint torques.
 template <class Scalar>
-StandardAssembly<Scalar> biped(Motors motors = Motors::geared)
+[[gnu::cold]] StandardAssembly<Scalar> biped(Motors motors = Motors::geared)
 {
   struct Segment {
     const char* name;

@@ -85,7 +85,7 @@ public:
   ParallelAxes() = default;
 
   template <class Tree>
-  explicit ParallelAxes(const Tree& tree) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
+  [[gnu::cold]] explicit ParallelAxes(const Tree& tree) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
     std::vector<Vector3<Scalar>> axis(group_.size());
     tree.outward([&]<class N, class S>(const N& node, const S& s) {
@@ -166,7 +166,7 @@ private:
     return Matrix3<Scalar>::Identity() + V + V * V * (Scalar(1) / (Scalar(1) + a(m)));
   }
 
-  void keep_large()
+  [[gnu::cold]] void keep_large()
   {
     std::vector<Index> number;
     std::vector<Group> large;

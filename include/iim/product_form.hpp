@@ -35,7 +35,7 @@ class ProductForm {
 public:
   using Scalar = typename Tree::Scalar;
 
-  ProductForm(const Tree& tree, const Inputs<Tree>& inputs)
+  [[gnu::cold]] ProductForm(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), product_(tree, inputs.max_columns()), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
         first_beta_(std::max(tree.n_v(), product_.least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
         steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_column_(at(tree.size()) + 1, 0),

@@ -34,7 +34,7 @@ class Sweep {
 public:
   using Scalar = typename Tree::Scalar;
 
-  Sweep(const Tree& tree, const Inputs<Tree>& inputs)
+  [[gnu::cold]] Sweep(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
         applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
         rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest)

@@ -30,7 +30,7 @@ public:
   using Parts = Assembly<S...>;
 
   /// Throws ModelError for whatever is wrong with the assembly (Assembly::sorted).
-  explicit DynamicTree(const Parts& assembly) : DynamicTree(assembly, assembly.sorted()) {}
+  [[gnu::cold]] explicit DynamicTree(const Parts& assembly) : DynamicTree(assembly, assembly.sorted()) {}
 
   /// One Data<S> per subsystem, contiguous per type.
   template <template <class> class Data>
@@ -81,7 +81,7 @@ public:
   }
 
 private:
-  DynamicTree(const Parts& assembly, const std::vector<typename Parts::NamedPart>& parts) : Base(assembly, parts)
+  [[gnu::cold]] DynamicTree(const Parts& assembly, const std::vector<typename Parts::NamedPart>& parts) : Base(assembly, parts)
   {
     for (std::size_t k = 0; k < parts.size(); ++k) {
       Node& node = this->nodes_[k];

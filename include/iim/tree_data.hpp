@@ -91,7 +91,7 @@ public:
 
 protected:
   template <class AssemblyType>
-  explicit TreeData(const AssemblyType& assembly, const std::vector<typename AssemblyType::NamedPart>& parts)
+  [[gnu::cold]] explicit TreeData(const AssemblyType& assembly, const std::vector<typename AssemblyType::NamedPart>& parts)
       : gravity_(assembly.gravity())
   {
     for (const auto& part : parts) {
@@ -122,7 +122,7 @@ private:
 
   // Not by type of the subsystem: this is the same for all, and what it would cost is compile time.
   template <class Part>
-  void append(const Part& part, const Sizes& s)
+  [[gnu::cold]] void append(const Part& part, const Sizes& s)
   {
     Node node;
     node.index = size();

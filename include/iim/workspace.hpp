@@ -80,7 +80,7 @@ public:
   using Scalar = typename Tree::Scalar;
   static constexpr Update update = update_;
 
-  explicit Workspace(const Tree& tree)
+  [[gnu::cold]] explicit Workspace(const Tree& tree)
       : tree_(&tree), nodes_(tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()),
         load_(tree.n_v()), Bbar_(tree.n_bbar())
   {

@@ -27,7 +27,7 @@ struct FloatingBase {
 
   Body<Scalar> body{};
 
-  void prepare(const std::string& name) { validate(body, name); }
+  [[gnu::cold]] void prepare(const std::string& name) { validate(body, name); }
 
   /// False if the quaternion's length is off by more than 1e-3; smaller differences are divided out.
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 7, 1>& q, const Eigen::Matrix<Scalar, 6, 1>& qd,

@@ -86,7 +86,7 @@ struct Revolute {
 
   Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes
 
-  void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
+  [[gnu::cold]] void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
 
   [[gnu::always_inline]] bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q,
                                      const Eigen::Matrix<Scalar, 1, 1>&, FrameMotion<Scalar, 1>& m) const
@@ -123,7 +123,7 @@ struct Prismatic {
 
   Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes
 
-  void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
+  [[gnu::cold]] void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
 
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
               FrameMotion<Scalar, 1>& m) const

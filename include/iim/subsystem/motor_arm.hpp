@@ -50,7 +50,7 @@ struct MotorArmOn {
   Body<Scalar> body{};
   Motor<Scalar> motor{};
 
-  void prepare(const std::string& name)
+  [[gnu::cold]] void prepare(const std::string& name)
   {
     joint.prepare(name);
     validate(body, name);

@@ -22,7 +22,7 @@ struct RigidLink {
   Joint joint{};
   Body<Scalar> body{};
 
-  void prepare(const std::string& name)
+  [[gnu::cold]] void prepare(const std::string& name)
   {
     joint.prepare(name);
     validate(body, name);
