@@ -1,6 +1,10 @@
 // Sine and cosine inline, against the same in long double.
 #include <catch.hpp>
 #include <iim/scalar.hpp>
+#include <iim/subsystem/motor_arm.hpp>
+#include <iim/turns.hpp>
+
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +12,9 @@
 #include <random>
 
 namespace {
+
+static_assert(iim::detail::takes_turn<iim::RevoluteLink<double>>() && iim::detail::takes_turn<iim::MotorArm<float>>());
+static_assert(!iim::detail::takes_turn<iim::PrismaticLink<double>>());
 
 /// Error of `value` in units of the last place of `exact`.
 template <class Scalar>
@@ -54,4 +61,43 @@ TEMPLATE_TEST_CASE("sine and cosine of what is no angle are not finite", "", flo
     CHECK(std::isnan(s));
     CHECK(std::isnan(c));
   }
+}
+
+TEMPLATE_TEST_CASE("all sines and cosines of a state at once are those of one angle after the other", "", float, double)
+{
+  using Vector = Eigen::Matrix<TestType, Eigen::Dynamic, 1>;
+  std::mt19937 random_source(12);
+  long double worst = 0;
+  for (const double range : {0.8, 100.0, 9999.0, 1e12}) {
+    std::uniform_real_distribution<double> angle(-range, range);
+    for (Eigen::Index n = 0; n <= 20; ++n) {
+      for (const Eigen::Index first : {0, 7}) {
+        iim::detail::Turns<TestType> turns;
+        for (Eigen::Index i = first; i < n; i += 1 + i % 2) { turns.add(i); }
+        Eigen::Matrix<TestType, 2, Eigen::Dynamic> both(2, n);
+        for (TestType& q : both.reshaped()) { q = static_cast<TestType>(angle(random_source)); }
+        const Eigen::Index no_angle = 3;  // its neighbours keep their sines
+        if (n > no_angle) { both(0, no_angle) = std::numeric_limits<TestType>::quiet_NaN(); }
+        const Vector q = both.row(0).transpose();
+        for (const bool apart : {false, true}) {
+          if (apart) {
+            turns.set(both.row(0).transpose());
+          } else {
+            turns.set(q);
+          }
+          for (Eigen::Index i = first; i < n; i += 1 + i % 2) {
+            if (i == no_angle) {
+              CHECK(std::isnan(turns.of(i, q(i)).sine));
+              continue;
+            }
+            const iim::Turn<TestType> turn = turns.of(i, q(i));
+            const auto exact = static_cast<long double>(q(i));
+            worst = std::max({worst, ulps(turn.sine, std::sin(exact)), ulps(turn.cosine, std::cos(exact))});
+          }
+        }
+      }
+    }
+  }
+  INFO("worst " << worst);
+  CHECK(worst < 1);
 }

@@ -101,6 +101,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
 {
   using Scalar = typename Workspace::Scalar;
   const auto& tree = ws.tree();
+  ws.turns().set(q);
   tree.outward([&]<class N, class S>(const N& node, const S& s) {
     constexpr MotionPattern pattern = S::pattern;
     NodeState<S>& state = ws.template node<S>(node);
@@ -136,7 +137,13 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     if (!all_finite(q_i) || !all_finite(qd_i)) { diagnosis.fail(Status::invalid_state, node.index); }
 
     auto frames = frame_motions<S>(node.frame, state, ws, std::make_index_sequence<S::n_frames>{});
-    if (!s.motion(state.R, q_i, qd_i, frames)) { diagnosis.fail(Status::invalid_state, node.index); }
+    bool moved = false;
+    if constexpr (takes_turn<S>()) {
+      moved = s.motion(state.R, ws.turns().of(node.q, q_i(0)), qd_i, frames);
+    } else {
+      moved = s.motion(state.R, q_i, qd_i, frames);
+    }
+    if (!moved) { diagnosis.fail(Status::invalid_state, node.index); }
     if constexpr (is_free<S>()) { add(state.r, times(state.R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2)))); }
     if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
 

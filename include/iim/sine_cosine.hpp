@@ -1,4 +1,5 @@
 // Sine and cosine of one angle, inline for float and double: a call would take 10 ns per joint and empty all registers.
+// turns.hpp: of many.
 #pragma once
 
 #include <array>
@@ -39,32 +40,41 @@ struct SineSeries<4> {
                                                 -0x1.25243c2f39550p-22};
 };
 
-template <std::size_t terms>
-[[gnu::always_inline]] inline double polynomial(const std::array<double, terms>& coefficient, double x)
+/// Real: double, or several in a vector.
+template <class Real, std::size_t terms>
+[[gnu::always_inline]] inline Real polynomial(const std::array<double, terms>& coefficient, const Real& x)
 {
-  double sum = coefficient[terms - 1];
+  Real sum = coefficient[terms - 1] * x + coefficient[terms - 2];
 #pragma GCC unroll 8
-  for (std::size_t n = terms - 1; n > 0; --n) { sum = sum * x + coefficient[n - 1]; }
+  for (std::size_t n = terms - 2; n > 0; --n) { sum = sum * x + coefficient[n - 1]; }
   return sum;
 }
 
 /// To 0.9 ulp of double with six terms. Cody and Waite: |angle − k π/2| ≤ π/4 in two parts, r + low. |angle| ≤ 1e4.
+/// s, c: of r; the last bits of `shifted` are k.
+template <std::size_t terms, class Real>
+[[gnu::always_inline]] inline void reduced_sine_cosine(const Real& angle, Real& shifted, Real& s, Real& c)
+{
+  constexpr double round = 0x1.8p52;  // added and subtracted: rounds to an integer, which is in the last bits
+  shifted = angle * (2 / std::numbers::pi) + round;
+  const Real k = shifted - round;
+  const Real nearly = angle - k * 0x1.921fb544p+0;  // exact: 33 bits times 20
+  const Real step = k * 0x1.0b4611a6p-34;           // exact
+  const Real r = nearly - step;
+  const Real low = ((nearly - r) - step) - k * 0x1.3198a2e037073p-69;
+  const Real r2 = r * r, half = 0.5 * r2, w = 1.0 - half;
+  s = r + (low * w + r * r2 * polynomial(SineSeries<terms>::sine, r2));
+  c = w + (((1.0 - w) - half) + (r2 * r2 * polynomial(SineSeries<terms>::cosine, r2) - r * low));
+}
+
+/// sin and cos of r are those of the angle up to an exchange (k odd) and signs (k, k + 1 ≥ 2 modulo 4).
 template <std::size_t terms>
 [[gnu::always_inline]] inline void reduced_sine_cosine(double angle, double& sine, double& cosine)
 {
   using Pair [[gnu::vector_size(16)]] = double;
   using Bits [[gnu::vector_size(16)]] = std::uint64_t;
-  constexpr double round = 0x1.8p52;  // added and subtracted: rounds to an integer, which is in the last bits
-  const double shifted = angle * (2 / std::numbers::pi) + round;
-  const double k = shifted - round;
-  const double nearly = angle - k * 0x1.921fb544p+0;  // exact: 33 bits times 20
-  const double step = k * 0x1.0b4611a6p-34;           // exact
-  const double r = nearly - step;
-  const double low = ((nearly - r) - step) - k * 0x1.3198a2e037073p-69;
-  const double r2 = r * r, half = 0.5 * r2, w = 1.0 - half;
-  const double s = r + (low * w + r * r2 * polynomial(SineSeries<terms>::sine, r2));
-  const double c = w + (((1.0 - w) - half) + (r2 * r2 * polynomial(SineSeries<terms>::cosine, r2) - r * low));
-  // sin and cos of r are those of the angle up to an exchange (k odd) and signs (k, k + 1 ≥ 2 modulo 4).
+  double shifted, s, c;
+  reduced_sine_cosine<terms>(angle, shifted, s, c);
   const auto quarter = std::bit_cast<std::uint64_t>(shifted);
   const Bits turns{quarter, quarter + 1};
   const Bits odd = -(turns & 1);

@@ -13,6 +13,7 @@
 
 #include <iim/body.hpp>
 #include <iim/spatial.hpp>
+#include <iim/turns.hpp>
 
 #include <array>
 #include <concepts>
@@ -144,6 +145,18 @@ constexpr bool has_own_twist()
     return true;
   }
   return false;
+}
+
+/// `motion(R, turn, qd, frames)`: of one coordinate, which is an angle, with its sine and cosine in place of it. Those of all
+/// subsystems are computed at once.
+template <class S>
+constexpr bool takes_turn()
+{
+  return requires(const S s, const Matrix3<typename S::Scalar> R, const Turn<typename S::Scalar> turn, Velocities<S> qd,
+                  std::array<FrameMotion<typename S::Scalar, S::n_i>, S::n_frames> frames) {
+    requires S::n_q == 1;
+    { s.motion(R, turn, qd, frames) } -> std::same_as<bool>;
+  };
 }
 
 }  // namespace detail

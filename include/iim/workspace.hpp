@@ -6,6 +6,7 @@
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree.hpp>
+#include <iim/turns.hpp>
 
 #include <array>
 #include <limits>
@@ -116,6 +117,7 @@ public:
       state.c.setZero();
       state.r.setZero();
       state.R.setIdentity();
+      if constexpr (detail::takes_turn<S>()) { turns_.add(node.q); }
     });
     if constexpr (update == Update::square_root) { choose_free_axes(); }
   }
@@ -156,6 +158,9 @@ public:
   /// Whether a pivot of this pass has left less than its roundings should be large against (roundings.hpp).
   bool& loses() { return loses_; }
   bool loses() const { return loses_; }
+
+  /// Of the joint angles that the pass began with.
+  detail::Turns<Scalar>& turns() { return turns_; }
 
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
@@ -199,6 +204,7 @@ private:
   std::vector<detail::SharedAxis<Scalar>> shared_axis_;
   std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<detail::BodyRoot<Scalar>> inlet_body_;
+  detail::Turns<Scalar> turns_;
   detail::ParallelAxes<Scalar> axes_;
   std::vector<detail::FreeAxis> free_axes_;
   bool loses_ = false;

@@ -3,6 +3,7 @@
 
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/turns.hpp>
 
 #include <array>
 #include <cmath>
@@ -47,11 +48,10 @@ struct UnitAxis {
   }
 
   /// turned = R·exp(angle·direction~), w = R·direction.
-  [[gnu::always_inline]] void turn(const Matrix3<Scalar>& R, const Triple<Scalar>& w, const Scalar& angle,
+  [[gnu::always_inline]] void turn(const Matrix3<Scalar>& R, const Triple<Scalar>& w, const Turn<Scalar>& angle,
                                    Matrix3<Scalar>& turned) const
   {
-    Scalar s, c;
-    sine_cosine(angle, s, c);
+    const Scalar &s = angle.sine, &c = angle.cosine;
     if (aligned >= 0) {
       const int i = aligned == 2 ? 0 : aligned + 1;
       const int j = aligned == 0 ? 2 : aligned - 1;
@@ -89,10 +89,16 @@ struct Revolute {
   [[gnu::cold]] void prepare(const std::string& owner) { unit_ = detail::UnitAxis<Scalar>(axis, owner); }
 
   [[gnu::always_inline]] bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q,
+                                     const Eigen::Matrix<Scalar, 1, 1>& qd, FrameMotion<Scalar, 1>& m) const
+  {
+    return motion(R, Turn<Scalar>(q(0)), qd, m);
+  }
+
+  [[gnu::always_inline]] bool motion(const Matrix3<Scalar>& R, const Turn<Scalar>& q,
                                      const Eigen::Matrix<Scalar, 1, 1>&, FrameMotion<Scalar, 1>& m) const
   {
     const detail::Triple<Scalar> w = unit_.in(R);
-    unit_.turn(R, w, q(0), m.R);
+    unit_.turn(R, w, q, m.R);
     w.put(m.S.data() + 3);
     return true;
   }

@@ -7,6 +7,7 @@
 #include <iim/subsystem.hpp>
 #include <iim/subsystem/joint.hpp>
 #include <iim/subsystem/rigid_link.hpp>
+#include <iim/turns.hpp>
 
 #include <string>
 
@@ -51,7 +52,7 @@ struct Helical {
               FrameMotion<Scalar, 1>& m) const
   {
     const detail::Triple<Scalar> w = unit_.in(R);
-    unit_.turn(R, w, q(0), m.R);
+    unit_.turn(R, w, Turn<Scalar>(q(0)), m.R);
     const detail::Triple<Scalar> v = w * lead;
     v.put(m.S.data());
     w.put(m.S.data() + 3);
@@ -91,7 +92,7 @@ struct Cylindrical {
               FrameMotion<Scalar, 2>& m) const
   {
     const detail::Triple<Scalar> w = unit_.in(R);
-    unit_.turn(R, w, q(0), m.R);
+    unit_.turn(R, w, Turn<Scalar>(q(0)), m.R);
     w.put(&m.S(3, 0));
     w.put(&m.S(0, 1));
     (w * q(1)).put(m.r.data());
@@ -134,9 +135,9 @@ struct Universal {
   {
     Matrix3<Scalar> crossed;
     const detail::Triple<Scalar> w1 = first_.in(R);
-    first_.turn(R, w1, q(0), crossed);
+    first_.turn(R, w1, Turn<Scalar>(q(0)), crossed);
     const detail::Triple<Scalar> w2 = second_.in(crossed);
-    second_.turn(crossed, w2, q(1), m.R);
+    second_.turn(crossed, w2, Turn<Scalar>(q(1)), m.R);
     const detail::Triple<Scalar> turning = cross(w1, w2);
     w1.put(&m.S(3, 0));
     w2.put(&m.S(3, 1));
@@ -186,7 +187,7 @@ struct Planar {
     const detail::Triple<Scalar> w = unit_.in(R);
     const Vector3<Scalar> e1 = detail::times(R, x_);
     const Vector3<Scalar> e2 = detail::times(R, y_);
-    unit_.turn(R, w, q(2), m.R);
+    unit_.turn(R, w, Turn<Scalar>(q(2)), m.R);
     for (int k = 0; k < 3; ++k) {
       m.r(k) = q(0) * e1(k) + q(1) * e2(k);
       m.S(k, 0) = e1(k);

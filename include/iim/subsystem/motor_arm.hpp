@@ -79,6 +79,14 @@ struct MotorArmOn {
     return joint.motion(R, q, qd, frames[0]);
   }
 
+  [[gnu::always_inline]] bool motion(const Matrix3<Scalar>& R, const Turn<Scalar>& q,
+                                     const Eigen::Matrix<Scalar, 1, 1>& qd,
+                                     std::array<FrameMotion<Scalar, 1>, 1>& frames) const
+    requires requires(const Joint& j) { j.motion(R, q, qd, frames[0]); }
+  {
+    return joint.motion(R, q, qd, frames[0]);
+  }
+
   Vector6<Scalar> own_twist() const
     requires requires(const Joint& j) { j.own_twist(); }
   {
