@@ -129,7 +129,7 @@ private:
     }
     cholesky_.template solve<width>(X);
     for (Index j = begin; j < end; ++j) {
-      Scalar* target = Bhat.data() + B.column(j).bhat * n;
+      Scalar* target = Bhat.col(B.column(j).bhat).data();
       for (Index v = 0; v < n; ++v) { target[v] = X[v * width + (j - begin)]; }
     }
     if (bias) {

@@ -12,6 +12,7 @@
 // the world ("path positions"): no zero of a tree's branching is stored or multiplied.
 #pragma once
 
+#include <iim/affine_dynamics.hpp>
 #include <iim/branches.hpp>
 #include <iim/bundle_product.hpp>
 #include <iim/inputs.hpp>
@@ -98,6 +99,7 @@ private:
     std::fill(scale_.begin(), scale_.end(), Scalar(1));
     scaled_.clear();
     projections_.clear();
+    const Index stride = column_stride<Scalar>(tree_->n_v());
     const auto own_of = [&](const Node& node) {
       return (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
     };
@@ -113,7 +115,7 @@ private:
         if (!as_it_is) { projections_.push_back({inputs_.id(input), column}); }
         for (Index j = 0; j < input.size; ++j) {
           if (as_it_is) { scaled_.push_back({column + j, input.bbar + j}); }
-          columns_.push_back({(bhat + j) * tree_->n_v(), node.index, node.path_v + own,
+          columns_.push_back({(bhat + j) * stride, node.index, node.path_v + own,
                               as_it_is ? Index(input.v) : first_beta_ + column + j});
         }
       });

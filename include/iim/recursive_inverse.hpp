@@ -280,7 +280,7 @@ private:
         }
       });
       for (int k = 0; k < count; ++k) {
-        detail::store(Bhat.data() + B_.column(j + k).bhat * Bhat.rows() + v, sum[at(k)], root.v_end - v);
+        detail::store(&Bhat(v, B_.column(j + k).bhat), sum[at(k)], root.v_end - v);
       }
     }
   }

@@ -88,6 +88,11 @@ bool all_finite(const Eigen::DenseBase<Derived>& m)
     if (m.derived().innerStride() == 1 && (m.cols() == 1 || m.derived().outerStride() == m.rows())) {
       return all_finite(m.derived().data(), m.size());
     }
+    if (m.derived().innerStride() == 1 && !Derived::IsRowMajor) {
+      bool finite = true;
+      for (Eigen::Index j = 0; j < m.cols(); ++j) { finite &= all_finite(m.derived().data() + j * m.derived().outerStride(), m.rows()); }
+      return finite;
+    }
   }
   bool finite = true;
   for (Eigen::Index j = 0; j < m.cols(); ++j) {

@@ -149,7 +149,7 @@ public:
       const Index m = result.Bhat.cols();
       if (result.ok() && !LaneVote::divided()) {
         outcome_.fill(Outcome{});
-        f(PackDynamics{first, count, result.qdd0, result.Bhat, outcome_});
+        f(PackDynamics{first, count, result.qdd0, {result.Bhat.data(), qdd_.size(), m}, outcome_});
         continue;
       }
       for (int l = 0; l < count; ++l) {
@@ -158,7 +158,9 @@ public:
         const AffineDynamics<Scalar> one = method_(forward_dynamics<scene>(one_q_, one_qd_, workspace_));
         outcome_[at(l)] = {one.status, one.subsystem};
         for (Index i = 0; i < qdd_.size(); ++i) { qdd_(i).set(l, one.qdd0(i)); }
-        for (Index k = 0; k < one.Bhat.size(); ++k) { Bhat_(k).set(l, one.Bhat.data()[k]); }
+        for (Index j = 0; j < m; ++j) {
+          for (Index i = 0; i < qdd_.size(); ++i) { Bhat_(j * qdd_.size() + i).set(l, one.Bhat(i, j)); }
+        }
       }
       f(PackDynamics{first, count, {qdd_.data(), qdd_.size()}, {Bhat_.data(), qdd_.size(), m}, outcome_});
     }
@@ -177,7 +179,8 @@ public:
       for (int l = 0; l < pack.count; ++l) {
         const Scalar* state = states_.data() + l * size;
         const Outcome& outcome = pack.outcome[at(l)];
-        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + n, n, m}, outcome.status, outcome.subsystem});
+        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + n, n, m, Eigen::OuterStride<>(n)}, outcome.status,
+                                                 outcome.subsystem});
       }
     });
   }

@@ -362,7 +362,7 @@ private:
           transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return &entry(rows[r], part); },
                                   [](auto) __attribute__((always_inline)) { return Scalar(1); },
                                   [&](auto c) __attribute__((always_inline)) {
-                                    return part + c < count ? Bhat.data() + columns[at(part + c)] * n + begin : beyond.data();
+                                    return part + c < count ? &Bhat(begin, columns[at(part + c)]) : beyond.data();
                                   });
         }
         Lane sum = rows[0];
@@ -371,7 +371,7 @@ private:
       }
     }
     for (; v < n; ++v) {
-      for (int l = 0; l < count; ++l) { Bhat.data()[columns[at(l)] * n + v] = entry(rows_[at(v)], l); }
+      for (int l = 0; l < count; ++l) { Bhat(v, columns[at(l)]) = entry(rows_[at(v)], l); }
       if constexpr (width > 1) { check += rows_[at(v)]; }
     }
   }

@@ -134,7 +134,7 @@ public:
     if (!fd.ok()) { return result(affine.Bhat.cols(), fd.status(), fd.subsystem()); }
     if (!affine.ok()) { return result(affine.Bhat.cols(), affine.status, affine.subsystem); }
     evaluate(fd);
-    multiply(affine.Bhat.data(), affine.Bhat.cols());
+    multiply(affine.Bhat);
     return checked(affine.Bhat.cols());
   }
 
@@ -317,23 +317,24 @@ private:
   }
 
   /// J_t B̂ without the zeros of J_t.
-  void multiply(const Scalar* Bhat, Index m)
+  template <class Matrix>
+  void multiply(const Matrix& Bhat)
   {
+    const Index m = Bhat.cols();
     Index j = 0;
-    for (; j + tile <= m; j += tile) { multiply_tile<tile>(Bhat, j); }
-    for (; j < m; ++j) { multiply_tile<1>(Bhat, j); }
+    for (; j + tile <= m; j += tile) { multiply_tile<tile>(Bhat.data() + j * Bhat.outerStride(), Bhat.outerStride(), j); }
+    for (; j < m; ++j) { multiply_tile<1>(Bhat.data() + j * Bhat.outerStride(), Bhat.outerStride(), j); }
   }
 
   template <int count>
-  void multiply_tile(const Scalar* Bhat, Index column)
+  void multiply_tile(const Scalar* Bhat, Index stride, Index column)
   {
-    const Index n = tree_->n_v();
     for (Index row = 0; row < rows_; row += lanes) {
       std::array<Lanes, count> sum;
       for (Lanes& s : sum) { s.setZero(); }
       for (const Index v : used_[at(row / lanes)]) {
         const Lanes J = Eigen::Map<const Lanes>(J_.data() + v * J_.rows() + row);
-        for (int c = 0; c < count; ++c) { sum[at(c)] += J * Bhat[(column + c) * n + v]; }
+        for (int c = 0; c < count; ++c) { sum[at(c)] += J * Bhat[c * stride + v]; }
       }
       for (int c = 0; c < count; ++c) { Eigen::Map<Lanes>(JB_.data() + (column + c) * JB_.rows() + row) = sum[at(c)]; }
     }
