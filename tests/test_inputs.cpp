@@ -111,3 +111,29 @@ TEST_CASE("a force through the centre of a free body moves it as Newton says", "
   CHECK((result.Bhat.topRows(3) - Eigen::Matrix3d::Identity() / 4).norm() < 64 * eps);
   CHECK(result.Bhat.bottomRows(3).norm() < 64 * eps);
 }
+
+TEST_CASE("a method follows inputs that others are assigned to, however often either was switched", "[inputs]")
+{
+  const Tree tree = robot();
+  test::Random draw(4);
+  const test::RandomState state = test::random_state(tree, 0, draw);
+  Workspace workspace(tree);
+  const auto fd = forward_dynamics(state.q, state.qd, workspace);
+  Inputs<Tree> inputs(tree);
+  inputs.add_force("tip");
+  const Inputs<Tree> all = inputs;
+  inputs.set_active(0, false);
+  Inputs<Tree> other = all;
+  other.set_active(1, false);
+  ImplicitInversion method(tree, inputs);
+  const Eigen::MatrixXd without_first = method(fd).Bhat;
+  CHECK(without_first.cols() == 4);
+  inputs = other;
+  const Eigen::MatrixXd without_second = method(fd).Bhat;
+  inputs = all;
+  const Eigen::MatrixXd Bhat = method(fd).Bhat;
+  REQUIRE(Bhat.cols() == 5);
+  CHECK((without_first - Bhat.rightCols(4)).norm() <= 64 * eps * Bhat.norm());
+  CHECK((without_second.col(0) - Bhat.col(0)).norm() <= 64 * eps * Bhat.norm());
+  CHECK((without_second.rightCols(3) - Bhat.rightCols(3)).norm() <= 64 * eps * Bhat.norm());
+}

@@ -234,6 +234,8 @@ public:
   /// (at first: than none).
   bool number_columns()
   {
+    if (inputs_->changes() == changes_) { return false; }
+    changes_ = inputs_->changes();
     bool same = true;
     for (std::size_t id = 0; id < bhat_column_.size(); ++id) {
       same &= (bhat_column_[id] >= 0) == inputs_->block(static_cast<Index>(id)).active;
@@ -272,6 +274,7 @@ private:
   }
 
   const Inputs<Tree>* inputs_;
+  Index changes_ = -1;              // of the inputs, when they were numbered
   std::vector<Index> order_;
   std::vector<std::size_t> end_;    // of a subsystem: place in order_ behind the blocks on those before it
   std::vector<Index> bhat_column_;  // of a block: first column of B̂; −1: not active

@@ -40,6 +40,28 @@ struct Input {
   bool active = true;
 };
 
+namespace detail {
+
+/// Differs after every change of what it is a member of, assignment of the whole among them.
+class ChangeCount {
+public:
+  ChangeCount() = default;
+  ChangeCount(const ChangeCount&) = default;
+  ChangeCount& operator=(const ChangeCount&)
+  {
+    ++*this;
+    return *this;
+  }
+  void operator++() { ++count_; }
+  bool operator==(Index count) const { return count_ == count; }
+  operator Index() const { return count_; }
+
+private:
+  Index count_ = 0;
+};
+
+}  // namespace detail
+
 /// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
 /// does neither. Columns of inactive blocks do not exist: those after them move up.
 template <class Tree>
@@ -108,6 +130,7 @@ public:
 
   const Tree& tree() const { return *tree_; }
   Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
+  Index changes() const { return changes_; }          ///< another number than before: blocks may have been switched
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
   Index blocks() const { return static_cast<Index>(blocks_.size()); }
   const Input<Scalar>& block(Id id) const { return blocks_[static_cast<std::size_t>(id)]; }
@@ -175,6 +198,7 @@ private:
 
   void count()
   {
+    ++changes_;
     columns_ = 0;
     for (const Input<Scalar>& input : blocks_) { columns_ += input.active ? input.size : 0; }
   }
@@ -183,6 +207,7 @@ private:
   std::vector<Input<Scalar>> blocks_;
   Index columns_ = 0;
   Index max_columns_ = 0;
+  detail::ChangeCount changes_;
 };
 
 namespace detail {
