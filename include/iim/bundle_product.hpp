@@ -137,15 +137,17 @@ public:
       bundle.are_inputs = false;
     }
     for (ColumnBundle& bundle : column_bundles_) {
-      const Scalar* const factor = scale.data() + bundle.first;
-      bundle.same = bundle.same_rows >= 0;
-      unrolled<lanes>([&](auto j) __attribute__((always_inline)) { bundle.same &= factor[j] == Scalar(1); });
+      const Register apart = load(scale.data() + bundle.first) - Scalar(1);
+      bundle.same = bundle.same_rows >= 0 && apart.abs().sum() == Scalar(0);
       if (bundle.same) {
         RowBundle& same = row_bundles_[at(bundle.same_rows)];
         same.are_inputs = true;
         same.columns = columns.data() + bundle.first;
       }
     }
+    // Of squares of such rows one of two is computed: as long as all rows are such, those from the diagonal on.
+    Index mirrored = 0;
+    while (mirrored < static_cast<Index>(row_bundles_.size()) && row_bundles_[at(mirrored)].are_inputs) { ++mirrored; }
     check_.setZero();
     const std::int32_t* squares = squares_.data();
     for (const ColumnBundle& bundle : column_bundles_) {
@@ -159,8 +161,10 @@ public:
         gather([&](auto j) __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
                [&](auto j) __attribute__((always_inline)) { return factor[std::min<Index>(j, last)]; }, bundle, beta_.data());
       }
+      const Index from = bundle.same && bundle.same_rows <= mirrored ? bundle.same_rows : 0;
       for (Index j = 0; j < bundle.count; j += tile) {
-        multiply_tile({bundle, squares, beta + j, column + j, std::min<Index>(tile, bundle.count - j), j}, Bhat);
+        const Index count = std::min<Index>(tile, bundle.count - j);
+        multiply_tile({bundle, from, squares + from, beta + j, column + j, count, j}, Bhat);
       }
       squares += row_bundles_.size();
     }
@@ -314,7 +318,8 @@ private:
 
   struct Tile {
     const ColumnBundle& columns;
-    const std::int32_t* squares;  ///< of the bundle: where the runs of each begin
+    Index from;                   ///< first bundle of rows
+    const std::int32_t* squares;  ///< of the bundle from there on: where the runs of each begin
     const Scalar* beta;           ///< its registers, from the tile's first lane on
     const BetaColumn* column;
     Index count;                  ///< of columns, at most `tile`
@@ -336,7 +341,9 @@ private:
     Scalar* const to_mirrored = to + v + t.lane;
     Register check = check_;
     const std::int32_t* square_runs = t.squares;
-    for (const RowBundle& rows : row_bundles_) {
+    const RowBundle* const rows_end = row_bundles_.data() + row_bundles_.size();
+    for (const RowBundle* bundle = row_bundles_.data() + t.from; bundle != rows_end; ++bundle) {
+      const RowBundle& rows = *bundle;
       const Run* run = runs + square_runs[0];
       const Run* const end = runs + square_runs[1];
       ++square_runs;
