@@ -76,6 +76,7 @@ private:
     Index needed = 0;    ///< path positions of ancestors that an input reaches
     Index own = 0;       ///< and how many of its own
     Index own_from = 0;  ///< where the lanes begin that these stand in
+    Index L = 0, inlet = 0, frame = 0;  ///< places of its rows of L, of H of inlet and first frame (4 % of instructions)
     std::size_t projections = 0, projections_end = 0;  ///< inputs on it whose β is not a row of L
   };
   struct Projection {
@@ -127,6 +128,9 @@ private:
       const bool reached = is_reached(node);
       Step& step = steps_[at(node.index)];
       step.own = reached ? own_of(node) : 0;
+      step.L = node.v * depth_;
+      step.inlet = node.inlet < 0 ? 0 : H_of_frame_[at(node.inlet)];
+      step.frame = H_of_frame_[at(node.frame)];
       step.own_from = reached ? node.path_v / lanes * lanes : depth_;
       const bool guided = node.parent < 0 || is_reached(tree_->node(node.parent));
       step.needed = guided ? Index(node.path_v) : steps_[at(node.parent)].needed;
@@ -183,10 +187,10 @@ private:
     constexpr bool apart = one_column<S, Workspace>;
     constexpr bool free_root = is_free<S>() && Workspace::update == Update::square_root;
     const Index depth = depth_, needed = step.needed, own = step.own, own_from = step.own_from;
-    Scalar* const L_rows = row(node.v);
-    const Scalar* const inlet = needed > 0 ? H(node.inlet) : nullptr;
-    std::array<Scalar*, S::n_frames> frames;
-    for (int k = 0; k < S::n_frames; ++k) { frames[at(k)] = H(node.frame + k); }
+    Scalar* const L_rows = rows_.data() + step.L;
+    const Scalar* const inlet = H_.data() + step.inlet;
+    std::array<Scalar*, S::n_frames> frames{H_.data() + step.frame};
+    for (int k = 1; k < S::n_frames; ++k) { frames[at(k)] = H(node.frame + k); }
     for (Index a = 0; a < needed + own; a += lanes) {
       std::array<Lanes, n_i> l;
       l.fill(Lanes::Zero());
