@@ -72,7 +72,8 @@ public:
     for (Link& link : links_) { link.n_i == 6 ? accelerate<6>(link) : accelerate<1>(link); }
     const bool finite = iim::detail::all_finite(qdd0_) && iim::detail::all_finite(Bhat_);
     if (status_ == iim::Status::ok && !finite) { status_ = iim::Status::not_finite; }
-    return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), Bhat_.rows(), Bhat_.cols()}, status_, -1};
+    const Eigen::OuterStride<> stride(Bhat_.rows());
+    return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), Bhat_.rows(), Bhat_.cols(), stride}, status_, -1};
   }
 
 private:
