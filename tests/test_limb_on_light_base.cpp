@@ -78,7 +78,8 @@ Results results(const Parts<Scalar>& assembly, const std::vector<test::NamedInpu
   const auto fd = forward_dynamics(q, qd, ws);
   REQUIRE(fd.ok());
   out.qdd0 = fd.qdd0().template cast<long double>();
-  MatrixX<Scalar> B(tree.n_v(), in.columns());
+  detail::ResultMemory<Scalar> memory(tree.n_v(), in.columns());
+  auto B = memory.Bhat(in.columns());
   detail::Sweep<Tree<Scalar>, 1>{tree, in}(ws, B);
   out.sweep = B.template cast<long double>();
   if constexpr (!std::is_same_v<Scalar, long double>) {  // of that the sweep is enough

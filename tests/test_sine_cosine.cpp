@@ -74,6 +74,7 @@ TEMPLATE_TEST_CASE("all sines and cosines of a state at once are those of one an
       for (const Eigen::Index first : {0, 7}) {
         iim::detail::Turns<TestType> turns;
         for (Eigen::Index i = first; i < n; i += 1 + i % 2) { turns.add(i); }
+        turns.allocate();
         Eigen::Matrix<TestType, 2, Eigen::Dynamic> both(2, n);
         for (TestType& q : both.reshaped()) { q = static_cast<TestType>(angle(random_source)); }
         const Eigen::Index no_angle = 3;  // its neighbours keep their sines

@@ -32,7 +32,7 @@ Index column_stride(Index n_v)
 template <class Scalar>
 struct AffineDynamics {
   Eigen::Map<const VectorX<Scalar>> qdd0;  ///< n_v [rad/s², m/s²]
-  /// n_v × m, columns in the order of the active inputs, which are not one behind the other in memory.
+  /// n_v × m, columns in the order of the active inputs; in memory Bhat.outerStride() ≥ n_v numbers apart.
   Eigen::Map<const MatrixX<Scalar>, 0, Eigen::OuterStride<>> Bhat;
   Status status;
   Index subsystem;  ///< that status is about; −1: none

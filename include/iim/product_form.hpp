@@ -54,11 +54,12 @@ public:
     plan();
   }
 
-  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(). The workspace holds the O(n) pass.
-  /// Returns true if B̂ is known to be finite.
+  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(), `column_stride` apart. The workspace holds
+  /// the O(n) pass. Returns true if B̂ is known to be finite.
   template <class Workspace, class Matrix>
   bool operator()(const Workspace& ws, Matrix& Bhat)
   {
+    assert(Bhat.outerStride() == column_stride<Scalar>(tree_->n_v()));
     if (inputs_.number_columns()) { plan(); }
     outward(ws);
     return product_(rows_, scale_, columns_, Bhat);

@@ -53,8 +53,11 @@ template <int width, class Scalar>
 template <class Scalar>
 class Turns {
 public:
-  /// Coordinate i is an angle that will be asked for.
+  /// Coordinate i, larger than those before, is an angle that will be asked for.
   void add(Eigen::Index) {}
+
+  /// After the last of them.
+  void allocate() {}
 
   template <class Q>
   void set(const Q&)
@@ -71,10 +74,13 @@ class Turns<Scalar> {
 public:
   void add(Eigen::Index i)
   {
-    begin_ = sine_.size() == 0 ? i : begin_;
-    sine_.resize(i + 1 - begin_);
-    cosine_.resize(sine_.size());
-    angle_.resize(sine_.size());
+    begin_ = end_ == 0 ? i : begin_;
+    end_ = i + 1;
+  }
+
+  void allocate()
+  {
+    for (auto* numbers : {&sine_, &cosine_, &angle_}) { numbers->resize(end_ - begin_); }
   }
 
   template <class Q>
@@ -120,7 +126,7 @@ private:
     }
   }
 
-  Eigen::Index begin_ = 0;  ///< first coordinate
+  Eigen::Index begin_ = 0, end_ = 0;  ///< coordinates from the first to behind the last
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> sine_, cosine_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> angle_;  ///< if they do not lie side by side
 };

@@ -119,6 +119,7 @@ public:
       state.R.setIdentity();
       if constexpr (detail::takes_turn<S>()) { turns_.add(node.q); }
     });
+    turns_.allocate();
     if constexpr (update == Update::square_root) { choose_free_axes(); }
   }
 
