@@ -53,7 +53,6 @@ public:
     return *this;
   }
   void operator++() { ++count_; }
-  bool operator==(Index count) const { return count_ == count; }
   operator Index() const { return count_; }
 
 private:

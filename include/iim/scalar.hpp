@@ -89,8 +89,9 @@ bool all_finite(const Eigen::DenseBase<Derived>& m)
       return all_finite(m.derived().data(), m.size());
     }
     if (m.derived().innerStride() == 1 && !Derived::IsRowMajor) {
+      const Eigen::Index stride = m.derived().outerStride();
       bool finite = true;
-      for (Eigen::Index j = 0; j < m.cols(); ++j) { finite &= all_finite(m.derived().data() + j * m.derived().outerStride(), m.rows()); }
+      for (Eigen::Index j = 0; j < m.cols(); ++j) { finite &= all_finite(m.derived().data() + j * stride, m.rows()); }
       return finite;
     }
   }
