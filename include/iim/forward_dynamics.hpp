@@ -93,7 +93,6 @@ public:
   explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : tree_(ws.tree()), ws_(ws), step_(step)
   {
     ws_.load().setZero();
-    ws_.loses() = false;
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
 
@@ -102,7 +101,9 @@ public:
   {
     detail::kinematics<scene>(q, qd, ws_, diagnosis_, step_);
     if constexpr (Workspace::update != Update::square_root) {
-      if (!ws_.axes().empty()) { choose_axes<scene.velocity>(ws_); }
+      if (!ws_.axes().empty()) {
+        ws_.axes().choose([&](Index f) -> const Matrix3<Scalar>& { return ws_.frame(f).R; });
+      }
     }
   }
 
@@ -122,6 +123,7 @@ public:
         for (Index j = 0; j < input.size; ++j) {
           Vector6<Scalar> wrench = input_wrench(input, f, j) * u(column + j);
           if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
+          if constexpr (Workspace::update != Update::square_root) { place_frame<scene.velocity>(input.frame, ws_); }
           f.h -= wrench;
         }
       }

@@ -19,6 +19,36 @@
 
 namespace iim::detail {
 
+/// A, h and size of the bodies on a frame, in its axes (ParallelAxes::of).
+template <bool velocity, class Scalar>
+[[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
+{
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  f.size = {zero, zero};
+  f.placed = true;
+  if (axes) [[unlikely]] {
+    Matrix3<Scalar> R = f.R;
+    Vector3<Scalar> r = f.r, omega = f.omega;
+    turn_triples(*axes, false, R.data(), 3);
+    turn_triples(*axes, false, r.data(), 1);
+    turn_triples(*axes, false, omega.data(), 1);
+    place_bodies<true, velocity>(body, R, r, omega, f.A, f.h);
+  } else if (f.offset) {
+    place_bodies<true, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
+  } else {
+    place_bodies<false, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
+  }
+}
+
+/// Matrix form: before anything else comes to the frame. Not in the outward loop: there 33 numbers would wait in memory for
+/// the way back, and the steps inward wait for one another, which leaves the processor time for it (pass of a chain of 30 with
+/// lanes 8 % less).
+template <bool velocity, class Workspace>
+[[gnu::always_inline]] inline void place_frame(Index f, Workspace& ws)
+{
+  if (!ws.frame(f).placed) { place<velocity>(ws.tree().frame_mass(f), ws.axes().of(f), ws.frame(f)); }
+}
+
 /// Bias wrench of what a frame carries: h + A bias.
 template <Scene scene, class S>
 [[gnu::always_inline]] inline TriplePair<typename S::Scalar> bias_wrench(const FrameState<typename S::Scalar>& f)
@@ -103,6 +133,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
       hg += p;
     }
   }
+  [[maybe_unused]] const VectorI scale_of_A = scale;
   Columns U = U_k[0];
 #pragma GCC unroll 2
   for (int k = 1; k < n_frames; ++k) {
@@ -142,7 +173,13 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   }
 
   const bool weak = loses(D, scale);
-  if (ws.loses()) [[unlikely]] { scale += lost<S>(node.frame, state, ws); }
+  bool losing = weak;
+  VectorI along;
+  for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
+  if (losing) [[unlikely]] {
+    along = along_loss<S>(&ws.frame(node.frame), state);
+    for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
+  }
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
@@ -204,7 +241,7 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
   hand_on<scene>(A, hg, state.c, state.r, inlet);
   for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
-  if (weak || ws.loses()) [[unlikely]] { pass_loss<S>(node.frame, node.inlet, state, ws); }
+  if (losing) [[unlikely]] { pass_loss<S>(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
 }
 
 /// A subsystem without internal velocities hands on what it carries.
@@ -230,7 +267,7 @@ void rigid_inward(const N& node, Workspace& ws)
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, A, p); }
       hand_on<scene>(A, p, state.c, state.r, inlet);
       pass_size(largest(f), state.r, inlet);
-      if (ws.loses()) [[unlikely]] { add_loss(f.loss, state.r, inlet); }
+      if (f.loses) [[unlikely]] { add_loss(f.loss, state.r, inlet); }
     }
   }
 }
@@ -245,6 +282,8 @@ void inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
       square_root_inward<scene, S>(node, s, ws, diagnosis);
     }
   } else {
+    for (int k = 0; k < S::n_frames; ++k) { place_frame<scene.velocity>(node.frame + k, ws); }
+    if (node.inlet >= 0) { place_frame<scene.velocity>(node.inlet, ws); }
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
     if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, StepData(ws.template node<S>(node)), ws); }

@@ -93,7 +93,7 @@ void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::
   }
 }
 
-/// From the base outward: orientations, Jacobians, velocity terms, and the bodies in world axes.
+/// From the base outward: orientations, Jacobians, velocity terms; in square-root form, the bodies in world axes.
 /// step: of an implicit step [s].
 template <Scene scene, class Workspace, class Q, class V>
 void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
@@ -178,9 +178,8 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, N_k);
         f.h.setZero();
       } else {
-        const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-        f.size = {zero, zero};
-        place_bodies<pattern.offset, scene.velocity>(tree.frame_mass(node.frame + k), f.R, f.r, f.omega, f.A, f.h);
+        f.placed = false;
+        f.loses = false;
       }
     }
     if constexpr (S::n_u > 0) {

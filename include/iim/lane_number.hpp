@@ -174,6 +174,11 @@ public:
     return of(b.v_ < a.v_ ? b.v_ : a.v_);
   }
   friend Lanes fabs(const Lanes& a) { return abs(a); }
+  /// Found by detail::if_greater: a > b ? x : y, lane by lane.
+  [[gnu::always_inline]] friend inline Lanes if_greater(const Lanes& a, const Lanes& b, const Lanes& x, const Lanes& y)
+  {
+    return of(a.v_ > b.v_ ? x.v_ : y.v_);
+  }
 
   friend inline Lanes sin(const Lanes& a) { return sine(a, 0); }
   friend inline Lanes cos(const Lanes& a) { return sine(a, 1); }

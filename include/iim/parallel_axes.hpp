@@ -26,7 +26,7 @@ struct ParallelGroup {
   Matrix3<Scalar> own;         ///< the group's axes in these
   Matrix3<Scalar> R = own;     ///< the group's axes in the world's
   bool turned = false;         ///< whether they are used at the state; else the world's
-  std::vector<Index> frames{};   ///< outward; of the joints, and of rigid and sliding parts between them
+  Index frame;                 ///< that the first joint moves
   int joints = 0;
 };
 
@@ -101,13 +101,12 @@ public:
           axis[at] = angular(twist);
           const bool joins = of_inlet >= 0 && nearly_zero(cross(axis[at], inherited));
           group_[at] = joins ? of_inlet : static_cast<Index>(groups_.size());
-          if (!joins) { groups_.push_back({.axis = axis[at], .own = with_axis(axis[at])}); }
+          if (!joins) { groups_.push_back({.axis = axis[at], .own = with_axis(axis[at]), .frame = node.frame}); }
           ++groups_[static_cast<std::size_t>(group_[at])].joints;
         } else {
           axis[at] = inherited;
           group_[at] = of_inlet;
         }
-        if (group_[at] >= 0) { groups_[static_cast<std::size_t>(group_[at])].frames.push_back(node.frame); }
       }
     });
     keep_large();
@@ -126,19 +125,18 @@ public:
 
   bool empty() const { return groups_.empty(); }
 
-  /// Chooses the axes at a state, and calls place(frame, axes) for all frames that have turned ones.
-  template <class Orientation, class Place>
-  void choose(Orientation orientation, Place place)
+  /// Chooses the axes at a state. orientation(frame): R.
+  template <class Orientation>
+  void choose(Orientation orientation)
   {
     turned_ = false;
     for (Group& group : groups_) {
-      const Matrix3<Scalar>& R = orientation(group.frames.front());
+      const Matrix3<Scalar>& R = orientation(group.frame);
       group.turned = !along_coordinate(times(R, group.axis));
       if (!group.turned) { continue; }
       turned_ = true;
       multiply(R, group.own, group.R);
       for (int twice = 0; twice < 2; ++twice) { straighten(group.R); }
-      for (const Index f : group.frames) { place(f, group.R); }
     }
   }
 

@@ -7,8 +7,9 @@
 //
 //     E' = Pᵀ E P, P = 1 − S W:      loss' = loss − W (S·loss)  or  √scale (W − S/|S|²), the larger,
 //
-// both zero along S, as A' is: axes that nearly coincide lose nothing by the second. Sound robots have no loss, and pay
-// nothing for it (Workspace::loses).
+// both zero along S, as A' is: axes that nearly coincide lose nothing by the second. Frames without loss (FrameState::loses)
+// pay nothing for it. (With one flag for the whole tree and both kinds of loss at each joint, the pass of chains took a fourth
+// longer, with lanes half as long again.)
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -63,31 +64,25 @@ template <class Scalar, int n>
   return !strong;
 }
 
-/// (Sᵀ loss)², each.
-template <class S, class Workspace>
-[[gnu::noinline]] Velocities<S> lost(Index frame, const NodeState<S>& state, const Workspace& ws)
+/// Sᵀ loss of the frames that have any.
+template <class S>
+[[gnu::noinline]] Velocities<S> along_loss(const FrameState<typename S::Scalar>* frames, const NodeState<S>& state)
 {
   Velocities<S> along = Velocities<S>::Zero();
   for (int k = 0; k < S::n_frames; ++k) {
+    if (!frames[k].loses) { continue; }
     for (int d = 0; d < S::n_i; ++d) {
-      along(d) += column_dot<S::pattern>(state.S_k[static_cast<std::size_t>(k)], d, ws.frame(frame + k).loss);
+      along(d) += column_dot<S::pattern>(state.S_k[static_cast<std::size_t>(k)], d, frames[k].loss);
     }
   }
-  for (int d = 0; d < S::n_i; ++d) { along(d) *= along(d); }
   return along;
 }
 
-/// 1 where a > b, else 0.
+/// a > b ? x : y. Lanes, which compare all or none, have their own.
 template <class Scalar>
-[[gnu::always_inline]] inline Scalar exceeds(const Scalar& a, const Scalar& b)
+[[gnu::always_inline]] inline Scalar if_greater(const Scalar& a, const Scalar& b, const Scalar& x, const Scalar& y)
 {
-  if constexpr (std::is_floating_point_v<Scalar>) {
-    return a > b ? Scalar(1) : Scalar(0);
-  } else {  // for lanes, which compare all or none
-    using std::max;
-    const Scalar d = a - b;
-    return max(d, Scalar(0)) / max(max(d, Scalar(-d)), Scalar(std::numeric_limits<float>::min()));
-  }
+  return a > b ? x : y;
 }
 
 /// Row d of W.
@@ -100,50 +95,50 @@ TriplePair<typename S::Scalar> gain(const NodeState<S>& state, int d)
 
 /// Loss, at the inlet's point.
 template <class Scalar>
-void add_loss(const TriplePair<Scalar>& loss, const Vector3<Scalar>& r, FrameState<Scalar>& inlet)
+void add_loss(TriplePair<Scalar> loss, const Vector3<Scalar>& r, FrameState<Scalar>& inlet)
 {
-  inlet.loss.linear += loss.linear;
-  inlet.loss.angular += loss.angular + cross(triple(r), loss.linear);
+  loss.angular += cross(triple(r), loss.linear);
+  if (inlet.loses) { loss += inlet.loss; }
+  inlet.loss = loss;
+  inlet.loses = true;
 }
 
-/// What is left of loss, or what the pivots leave, to the inlet.
-template <class S, class Workspace>
-[[gnu::noinline]] void pass_loss(Index frame, Index inlet, const NodeState<S>& state, Workspace& ws)
+/// What is left of loss, or what weak pivots leave, to the inlet. scale: of D's roundings by those of A; along: Sᵀ loss.
+template <class S>
+[[gnu::noinline]] void pass_loss(const FrameState<typename S::Scalar>* frames, const NodeState<S>& state,
+                                 const Velocities<S>& scale, const Velocities<S>& along, bool weak,
+                                 FrameState<typename S::Scalar>& inlet)
 {
   using Scalar = typename S::Scalar;
   using std::max;
   using std::sqrt;
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  if (!ws.loses()) {
-    for (Index f = 0; f < ws.tree().n_frames(); ++f) { ws.frame(f).loss = {zero, zero}; }
-    ws.loses() = true;
-  }
-  TriplePair<Scalar> loss(zero, zero), fresh(zero, zero);
-  Velocities<S> scale = Velocities<S>::Zero();
+  TriplePair<Scalar> loss(zero, zero);
   for (int k = 0; k < S::n_frames; ++k) {
-    const FrameState<Scalar>& f = ws.frame(frame + k);
-    const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-    add_scale<S::pattern>(largest(f), S_k, scale);
-    loss += f.loss;
+    if (frames[k].loses) { loss += frames[k].loss; }
+  }
+  for (int d = 0; d < S::n_i; ++d) { loss -= gain(state, d) * along(d); }
+  if (weak) {
+    TriplePair<Scalar> fresh(zero, zero);
     for (int d = 0; d < S::n_i; ++d) {
-      const TriplePair<Scalar> W = gain(state, d);
-      loss -= W * column_dot<S::pattern>(S_k, d, f.loss);
+      TriplePair<Scalar> left = gain(state, d);
+      const TriplePair<Scalar> s(state.S_k[0].data() + 6 * d);
+      if constexpr (has_own_twist<S>() && !(S::pattern.linear && S::pattern.angular)) {
+        left -= s;  // of length 1
+      } else {
+        // A rotor's angle moves no frame: its column of S is zero, and so is its scale.
+        const Scalar square = max(Scalar(dot(s.linear, s.linear) + dot(s.angular, s.angular)),
+                                  Scalar(std::numeric_limits<float>::min()));
+        left -= s * (Scalar(1) / square);
+      }
+      fresh += left * sqrt(scale(d));
     }
+    const auto squared = [](const TriplePair<Scalar>& a) { return dot(a.linear, a.linear) + dot(a.angular, a.angular); };
+    const Scalar old_square = squared(loss), fresh_square = squared(fresh);
+    const auto larger = [&](int i) { return if_greater(fresh_square, old_square, fresh(i), loss(i)); };
+    loss = {{larger(0), larger(1), larger(2)}, {larger(3), larger(4), larger(5)}};
   }
-  for (int d = 0; d < S::n_i; ++d) {
-    TriplePair<Scalar> left = gain(state, d);
-    const TriplePair<Scalar> s(state.S_k[0].data() + 6 * d);
-    // A rotor's angle moves no frame: its column of S is zero, and so is its scale.
-    const Scalar square = max(Scalar(dot(s.linear, s.linear) + dot(s.angular, s.angular)),
-                              Scalar(std::numeric_limits<float>::min()));
-    left -= s * (Scalar(1) / square);
-    fresh += left * sqrt(scale(d));
-  }
-  const auto squared = [](const TriplePair<Scalar>& a) { return dot(a.linear, a.linear) + dot(a.angular, a.angular); };
-  const Scalar other = exceeds(squared(fresh), squared(loss));
-  fresh -= loss;
-  loss += fresh * other;
-  add_loss(loss, state.r, ws.frame(inlet));
+  add_loss(loss, state.r, inlet);
 }
 
 /// Size, at the inlet's point.

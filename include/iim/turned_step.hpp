@@ -10,23 +10,6 @@
 
 namespace iim::detail {
 
-/// Chooses the axes at the state, and places the bodies of frames in turned ones anew.
-template <bool velocity, class Workspace>
-[[gnu::noinline]] void choose_axes(Workspace& ws)
-{
-  using Scalar = typename Workspace::Scalar;
-  ws.axes().choose([&](Index f) -> const Matrix3<Scalar>& { return ws.frame(f).R; },
-                   [&](Index f, const Matrix3<Scalar>& axes) {
-                     FrameState<Scalar>& frame = ws.frame(f);
-                     Matrix3<Scalar> R = frame.R;
-                     Vector3<Scalar> r = frame.r, omega = frame.omega;
-                     turn_triples(axes, false, R.data(), 3);
-                     turn_triples(axes, false, r.data(), 1);
-                     turn_triples(axes, false, omega.data(), 1);
-                     place_bodies<true, velocity>(ws.tree().frame_mass(f), R, r, omega, frame.A, frame.h);
-                   });
-}
-
 /// What a subsystem with one frame and at most one velocity reads and writes in its step, whatever its type.
 template <class Scalar>
 struct StepData {
@@ -88,9 +71,10 @@ public:
       to.A.set_zero();
       to.h.setZero();
       const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-      loss_ = ws.loses() ? to.loss : TriplePair<Scalar>(zero, zero);
       to.size = {zero, zero};
-      to.loss = {zero, zero};
+      lost_ = to.loses;
+      loss_ = to.loss;
+      to.loses = false;
     }
   }
 
@@ -134,7 +118,10 @@ private:
     }
     inlet.size = {max(size_.linear, combined(squares, inlet.size.linear)),
                   max(size_.angular, combined(squares, inlet.size.angular))};
-    inlet.loss = {loss_.linear + combined(E, inlet.loss.linear), loss_.angular + combined(E, inlet.loss.angular)};
+    if (inlet.loses) { inlet.loss = {combined(E, inlet.loss.linear), combined(E, inlet.loss.angular)}; }
+    if (inlet.loses && lost_) { inlet.loss += loss_; }
+    if (!inlet.loses && lost_) { inlet.loss = loss_; }
+    inlet.loses |= lost_;
   }
 
   const Matrix3<Scalar>* own_;    // null: the world's
@@ -149,6 +136,7 @@ private:
   SpatialInertia<Scalar> A_;
   Vector6<Scalar> h_;
   TriplePair<Scalar> size_, loss_;
+  bool lost_;
 };
 
 }  // namespace iim::detail

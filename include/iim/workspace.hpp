@@ -37,10 +37,13 @@ struct FrameState {
   Vector3<Scalar> r;            ///< frame origin from the coupling point [m]
   Vector3<Scalar> omega;        ///< angular velocity [rad/s]
   Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
+  bool offset = false;          ///< whether r is other than zero in some state
+  bool placed = false;          ///< whether A, h and size are of this state
+  bool loses = false;           ///< whether loss is, and large against A
   SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
   Vector6<Scalar> h;            ///< bias wrench of the same
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
-  detail::TriplePair<Scalar> loss;  ///< while Workspace::loses()
+  detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
   Vector6<Scalar> Vdot;         ///< acceleration
 };
 
@@ -102,6 +105,7 @@ public:
       for (int k = 0; k < S::n_frames; ++k) {
         state.S_k[static_cast<std::size_t>(k)].setZero();
         FrameState<Scalar>& f = frame(node.frame + k);
+        f.offset = S::pattern.offset;
         f.R.setIdentity();
         f.r.setZero();
         f.omega.setZero();
@@ -156,10 +160,6 @@ public:
   /// Free frames that move apart along a child's axis.
   const std::vector<detail::FreeAxis>& free_axes() const { return free_axes_; }
 
-  /// Whether a pivot of this pass has left less than its roundings should be large against (roundings.hpp).
-  bool& loses() { return loses_; }
-  bool loses() const { return loses_; }
-
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
 
@@ -208,7 +208,6 @@ private:
   detail::Turns<Scalar> turns_;
   detail::ParallelAxes<Scalar> axes_;
   std::vector<detail::FreeAxis> free_axes_;
-  bool loses_ = false;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
