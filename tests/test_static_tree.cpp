@@ -43,7 +43,7 @@ void compare(const StandardAssembly<double>& assembly, const std::vector<test::N
     const auto b = dynamic_method(forward_dynamics(state.q, state.qd, dynamic_ws));
     REQUIRE(a.ok());
     REQUIRE(b.ok());
-    // One text, two sets of constants: the compiler may contract or order products differently, no more.
+    // One text: the compiler may contract or order products differently, no more.
     CHECK((a.qdd0 - b.qdd0).norm() <= 64 * eps * b.qdd0.norm());
     CHECK((a.Bhat - b.Bhat).norm() <= 64 * eps * b.Bhat.norm());
     const Eigen::VectorXd qdd = forward_dynamics(state.q, state.qd, static_inputs, state.u, static_ws).qdd;
