@@ -83,28 +83,16 @@ struct Acceleration {
 
 namespace detail {
 
-/// The three loops.
-template <Scene scene, class Workspace>
-class ForwardPass {
+/// Of the pass what depends on Scalar and update alone, and the steps of single subsystems.
+template <Scene scene, class Data>
+class PassSteps {
 public:
-  using Tree = typename Workspace::Tree;
-  using Scalar = typename Workspace::Scalar;
+  using Scalar = typename Data::Scalar;
 
-  explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : tree_(ws.tree()), ws_(ws), step_(step)
+  PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
     ws_.load().setZero();
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
-  }
-
-  template <class Q, class V>
-  void kinematics(const Q& q, const V& qd)
-  {
-    detail::kinematics<scene>(q, qd, ws_, diagnosis_, step_);
-    if constexpr (Workspace::update != Update::square_root) {
-      if (!ws_.axes().empty()) {
-        ws_.axes().choose([&](Index f) -> const Matrix3<Scalar>& { return ws_.frame(f).R; });
-      }
-    }
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
@@ -123,89 +111,85 @@ public:
         for (Index j = 0; j < input.size; ++j) {
           Vector6<Scalar> wrench = input_wrench(input, f, j) * u(column + j);
           if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
-          if constexpr (Workspace::update != Update::square_root) { place_frame<scene.velocity>(input.frame, ws_); }
+          if constexpr (Data::update != Update::square_root) { place_frame<scene.velocity>(input.frame, ws_); }
           f.h -= wrench;
         }
       }
     });
   }
 
-  /// From the tips inward: what the tree beyond each coupling point looks like from there, (14)–(17).
-  void inertia()
-  {
-    if constexpr (Workspace::update == Update::square_root) {
-      for (const FreeAxis& axis : ws_.free_axes()) { set_free_axis(axis, ws_); }
-    }
-    tree_.inward([&]<class N, class S>(const N& node, const S& s) { inward<scene, S>(node, s, ws_, diagnosis_); });
-  }
+  Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
-  /// From the base outward again: accelerations, (18) and (19).
-  void accelerations()
+protected:
+  // Inlined: called, it costs the pass of an arm 1 %.
+  template <class S>
+  [[gnu::always_inline]] void accelerate(const Node& node, const NodeState<S>& state)
   {
-    tree_.outward([&]<class N, class S>(const N& node, const S&) {
-      NodeState<S>& state = ws_.template node<S>(node);
-      Vector6<Scalar> y;
-      [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
-      if (node.inlet >= 0) {
-        y = guidance(node, state, undone, slip);
-        if constexpr (scene.velocity) {
+    Vector6<Scalar> y;
+    [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
+    if (node.inlet >= 0) {
+      y = guidance(node, state, undone, slip);
+      if constexpr (scene.velocity) {
 #pragma GCC unroll 8
-          for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
-        }
-      } else {
-#pragma GCC unroll 8
-        for (int i = 0; i < 3; ++i) {
-          y(i) = scene.gravity ? Scalar(-tree_.gravity()(i)) : Scalar(0);
-          y(i + 3) = Scalar(0);
-        }
+        for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
       }
-      detail::Velocities<S> qdd;
+    } else {
+#pragma GCC unroll 8
+      for (int i = 0; i < 3; ++i) {
+        y(i) = scene.gravity ? Scalar(-ws_.tree().gravity()(i)) : Scalar(0);
+        y(i + 3) = Scalar(0);
+      }
+    }
+    detail::Velocities<S> qdd;
+#pragma GCC unroll 8
+    for (int d = 0; d < S::n_i; ++d) {
+      qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
+                                (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
+      ws_.qdd()(node.v + d) = qdd(d) - undone;
+      if constexpr (one_column<S, Data> && has_within<S>()) { qdd(d) += slip; }
+    }
+#pragma GCC unroll 2
+    for (int k = 0; k < S::n_frames; ++k) {
+      FrameState<Scalar>& f = ws_.frame(node.frame + k);
+      f.Vdot = y;
+      if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += f.bias(i); } }
+      if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += f.bias(i); } }
+      if constexpr (one_column<S, Data>) {
+        ws_.root(node.frame).rest = f.Vdot;
+        ws_.root(node.frame).rate = qdd(0);
+      }
+      if constexpr (is_free<S>() && Data::update == Update::square_root) {
+        const RootInertia<Scalar>& N_k = ws_.root(node.frame);
+        f.Vdot = N_k.rest;
+        if (N_k.keeps_v) { for (int i = 0; i < 6; ++i) { f.Vdot(i) += N_k.S(i) * N_k.rate; } }
+        continue;
+      }
+      const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
 #pragma GCC unroll 8
       for (int d = 0; d < S::n_i; ++d) {
-        qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
-                                  (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
-        ws_.qdd()(node.v + d) = qdd(d) - undone;
-        if constexpr (one_column<S, Workspace> && has_within<S>()) { qdd(d) += slip; }
+        if constexpr (S::pattern.linear) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
+        if constexpr (S::pattern.angular) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
       }
-#pragma GCC unroll 2
-      for (int k = 0; k < S::n_frames; ++k) {
-        FrameState<Scalar>& f = ws_.frame(node.frame + k);
-        f.Vdot = y;
-        if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += f.bias(i); } }
-        if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += f.bias(i); } }
-        if constexpr (one_column<S, Workspace>) {
-          ws_.root(node.frame).rest = f.Vdot;
-          ws_.root(node.frame).rate = qdd(0);
-        }
-        if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
-          const RootInertia<Scalar>& N_k = ws_.root(node.frame);
-          f.Vdot = N_k.rest;
-          if (N_k.keeps_v) { for (int i = 0; i < 6; ++i) { f.Vdot(i) += N_k.S(i) * N_k.rate; } }
-          continue;
-        }
-        const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-#pragma GCC unroll 8
-        for (int d = 0; d < S::n_i; ++d) {
-          if constexpr (S::pattern.linear) { for (int i = 0; i < 3; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
-          if constexpr (S::pattern.angular) { for (int i = 3; i < 6; ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); } }
-        }
-      }
-    });
-    // Only now: an overflow anywhere above has reached q̈.
+    }
+  }
+
+  void check_finite()
+  {
     if (diagnosis_.status == Status::ok && !detail::all_finite(ws_.qdd())) {
       diagnosis_.fail(Status::not_finite, first_not_finite());
     }
   }
 
-  ForwardDynamics<Workspace> receipt() const { return {ws_, scene, step_, diagnosis_.status, diagnosis_.subsystem}; }
-  Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
+  Data& ws_;
+  Scalar step_;
+  Diagnosis diagnosis_;
 
 private:
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
-  template <class N, class S>
-  Vector6<Scalar> guidance(const N& node, const NodeState<S>& state, Scalar& undone, Scalar& slip) const
+  template <class S>
+  Vector6<Scalar> guidance(const Node& node, const NodeState<S>& state, Scalar& undone, Scalar& slip) const
   {
-    if constexpr (Workspace::update == Update::square_root) {
+    if constexpr (Data::update == Update::square_root) {
       const RootInertia<Scalar>& inlet = ws_.root(node.inlet);
       if (inlet.keeps_v) {
         const SharedAxis<Scalar>& shared = ws_.shared_axis(node.index);
@@ -222,17 +206,67 @@ private:
 
   Index first_not_finite() const
   {
-    for (const Node& node : tree_.nodes()) {
-      const Index own_end = node.subtree_end > node.index + 1 ? tree_.node(node.index + 1).v : node.v_end;
+    for (const Node& node : ws_.tree().nodes()) {
+      const Index own_end = node.subtree_end > node.index + 1 ? ws_.tree().node(node.index + 1).v : node.v_end;
       if (!detail::all_finite(ws_.qdd().segment(node.v, own_end - node.v))) { return node.index; }
     }
     return -1;
   }
+};
 
-  const Tree& tree_;
-  Workspace& ws_;
-  Scalar step_;
-  Diagnosis diagnosis_;
+/// The three loops.
+template <Scene scene, class Workspace>
+class ForwardPass : public PassSteps<scene, typename Workspace::Data> {
+  using Data = typename Workspace::Data;
+  using Steps = PassSteps<scene, Data>;
+
+public:
+  using Scalar = typename Workspace::Scalar;
+
+  explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : Steps(ws, step) {}
+
+  template <class Q, class V>
+  void kinematics(const Q& q, const V& qd)
+  {
+    detail::kinematics<scene>(q, qd, workspace(), diagnosis_, step_);
+    if constexpr (Workspace::update != Update::square_root) {
+      if (!ws_.axes().empty()) {
+        ws_.axes().choose([&](Index f) -> const Matrix3<Scalar>& { return ws_.frame(f).R; });
+      }
+    }
+  }
+
+  /// From the tips inward: what the tree beyond each coupling point looks like from there, (14)–(17).
+  void inertia()
+  {
+    Workspace& ws = workspace();
+    if constexpr (Workspace::update == Update::square_root) {
+      for (const FreeAxis& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
+    }
+    ws.tree().inward([&]<class S>(const Node& node, const S& s) {
+      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_);
+    });
+  }
+
+  /// From the base outward again: accelerations, (18) and (19).
+  void accelerations()
+  {
+    const Workspace& ws = workspace();
+    ws.tree().outward([&]<class S>(const Node& node, const S&) { this->accelerate(node, ws.template node<S>(node)); });
+    this->check_finite();  // only now: an overflow anywhere above has reached q̈
+  }
+
+  ForwardDynamics<Workspace> receipt() const
+  {
+    return {static_cast<const Workspace&>(ws_), scene, step_, diagnosis_.status, diagnosis_.subsystem};
+  }
+
+private:
+  using Steps::diagnosis_;
+  using Steps::step_;
+  using Steps::ws_;
+
+  Workspace& workspace() { return static_cast<Workspace&>(ws_); }
 };
 
 }  // namespace detail

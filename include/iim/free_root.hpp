@@ -159,13 +159,12 @@ template <class Scalar>
   }
 }
 
-template <Scene scene, class S, class N, class Workspace>
-void free_inward(const N& node, Workspace& ws, Diagnosis& diagnosis)
+template <Scene scene, class S, class Workspace>
+void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
   static_assert(S::n_i == 6 && S::n_frames == 1 && rotor_count<S>() == 0 && spring_count<S>() == 0,
                 "a free subsystem is one frame with nothing within");
-  NodeState<S>& state = ws.template node<S>(node);
   RootInertia<Scalar>& inertia = ws.root(node.frame);
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const Eigen::Matrix<Scalar, 6, 6>& S_k = state.S_k[0];

@@ -21,8 +21,8 @@ struct SpunRotor {
   Vector3<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};  ///< of the spin turning with its carrier
 };
 
-template <Scene scene, class S, class N, class RotorType, class Workspace>
-[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const N& node, const RotorType& rotor, const NodeState<S>& state,
+template <Scene scene, class S, class RotorType, class Workspace>
+[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const Node& node, const RotorType& rotor, const NodeState<S>& state,
                                                       const Workspace& ws)
 {
   using Scalar = typename S::Scalar;

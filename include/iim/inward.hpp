@@ -61,8 +61,8 @@ template <Scene scene, class S>
 }
 
 /// Matrix form: the bodies that a subsystem has on its inlet.
-template <Scene scene, class S, class N, class Workspace>
-[[gnu::always_inline]] inline void add_inlet_bodies(const N& node, const NodeState<S>& state, const Workspace& ws,
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline void add_inlet_bodies(const Node& node, const NodeState<S>& state, const Workspace& ws,
                                                     SpatialInertia<typename S::Scalar>& A,
                                                     TriplePair<typename S::Scalar>& h)
 {
@@ -93,8 +93,8 @@ template <Scene scene, class Scalar>
 }
 
 /// Matrix form.
-template <Scene scene, class S, class N, class Workspace>
-void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+template <Scene scene, class S, class Workspace>
+void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
@@ -103,7 +103,6 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
   constexpr int n_rotors = rotor_count<S>();
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   using Columns = SixColumns<Scalar, n_i>;
-  NodeState<S>& state = ws.template node<S>(node);
 
   // U, D, h_g, h_q over the frames.
   std::array<Columns, n_frames> U_k;
@@ -245,12 +244,11 @@ void matrix_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosi
 }
 
 /// A subsystem without internal velocities hands on what it carries.
-template <Scene scene, class S, class N, class Workspace>
-void rigid_inward(const N& node, Workspace& ws)
+template <Scene scene, class S, class Workspace>
+void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
   if (node.inlet < 0) { return; }
-  NodeState<S>& state = ws.template node<S>(node);
   [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
 #pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
@@ -272,27 +270,28 @@ void rigid_inward(const N& node, Workspace& ws)
   }
 }
 
-template <Scene scene, class S, class N, class Workspace>
-void inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+/// Workspace: its part that depends on Scalar and update alone.
+template <Scene scene, class S, class Workspace>
+void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   if constexpr (Workspace::update == Update::square_root) {
     if constexpr (S::n_i == 0) {
-      rigid_inward<scene, S>(node, ws);
+      rigid_inward<scene>(node, state, ws);
     } else {
-      square_root_inward<scene, S>(node, s, ws, diagnosis);
+      square_root_inward<scene>(node, s, state, ws, diagnosis);
     }
   } else {
     for (int k = 0; k < S::n_frames; ++k) { place_frame<scene.velocity>(node.frame + k, ws); }
     if (node.inlet >= 0) { place_frame<scene.velocity>(node.inlet, ws); }
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
-    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, StepData(ws.template node<S>(node)), ws); }
+    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, StepData(state), ws); }
     if constexpr (S::n_i == 0) {
-      rigid_inward<scene, S>(node, ws);
+      rigid_inward<scene>(node, state, ws);
     } else {
-      matrix_inward<scene, S>(node, s, ws, diagnosis);
+      matrix_inward<scene>(node, s, state, ws, diagnosis);
     }
-    if (turned) [[unlikely]] { step.leave(node.frame, node.inlet, StepData(ws.template node<S>(node)), ws); }
+    if (turned) [[unlikely]] { step.leave(node.frame, node.inlet, StepData(state), ws); }
   }
 }
 

@@ -19,8 +19,8 @@
 namespace iim::detail {
 
 /// S of the inlet against S_i. undone, slip: W S_i and 1 − W S_i.
-template <class S, class N, class Workspace>
-void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws,
+template <class S, class Workspace>
+void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws,
                 [[maybe_unused]] const typename S::Scalar& undone = typename S::Scalar(1))
 {
   using Scalar = typename S::Scalar;
@@ -57,8 +57,8 @@ void share_axis(const N& node, const NodeState<S>& state, [[maybe_unused]] const
 }
 
 /// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of S_i.
-template <class S, class N, class Workspace>
-void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename S::Scalar>& h,
+template <class S, class Workspace>
+void put_wrench(const Node& node, const NodeState<S>& state, const Vector6<typename S::Scalar>& h,
                 const typename S::Scalar& load, Workspace& ws)
 {
   RootInertia<typename S::Scalar>& inlet = ws.root(node.inlet);
@@ -74,8 +74,8 @@ void put_wrench(const N& node, const NodeState<S>& state, const Vector6<typename
 }
 
 /// √m of the heaviest body that the frames of S carry.
-template <class S, class N, class Workspace>
-typename S::Scalar heaviest(const N& node, const Workspace& ws)
+template <class S, class Workspace>
+typename S::Scalar heaviest(const Node& node, const Workspace& ws)
 {
   using std::max;
   typename S::Scalar root = ws.root(node.frame).heaviest;
@@ -85,9 +85,9 @@ typename S::Scalar heaviest(const N& node, const Workspace& ws)
 
 /// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
 /// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments.
-template <Scene scene, class S, class N, class Workspace>
+template <Scene scene, class S, class Workspace>
 void stack_on_inlet(
-    const N& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
+    const Node& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
     Workspace& ws, [[maybe_unused]] int within = 0, Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
     [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
 {
@@ -161,8 +161,8 @@ void stack_on_inlet(
 }
 
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
-template <Scene scene, class S, class N, class Workspace>
-void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+template <Scene scene, class S, class Workspace>
+void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using std::abs;
   using std::sqrt;
@@ -174,7 +174,6 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
   constexpr int room = RootInertia<Scalar>::most * S::n_frames + n_within;
   constexpr int most = room + abreast;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
-  NodeState<S>& state = ws.template node<S>(node);
 
   // [N | z | v] over the frames, copied with v beside it if it has several columns; and applied forces.
   constexpr bool has_known = has_bias<scene, S>(0) || has_bias<scene, S>(3);
@@ -375,16 +374,16 @@ void joint_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis
   });
 }
 
-template <Scene scene, class S, class N, class Workspace>
-void square_root_inward(const N& node, const S& s, Workspace& ws, Diagnosis& diagnosis)
+template <Scene scene, class S, class Workspace>
+void square_root_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   if constexpr (is_free<S>()) {
-    free_inward<scene, S>(node, ws, diagnosis);
-    if (node.inlet >= 0) { share_axis<S>(node, ws.template node<S>(node), typename S::Scalar(0), ws); }
+    free_inward<scene, S>(node, state, ws, diagnosis);
+    if (node.inlet >= 0) { share_axis<S>(node, state, typename S::Scalar(0), ws); }
   } else {
     // This, stack_on_inlet and compress each: the pass of the biped takes 6.2 µs instead of 10.0 where registers hold two
     // numbers, 3.55 instead of 3.7 where they hold four.
-    in_one_function<typename S::Scalar>([&] { joint_inward<scene, S>(node, s, ws, diagnosis); });
+    in_one_function<typename S::Scalar>([&] { joint_inward<scene>(node, s, state, ws, diagnosis); });
   }
 }
 

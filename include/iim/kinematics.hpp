@@ -93,32 +93,35 @@ void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::
   }
 }
 
-/// From the base outward: orientations, Jacobians, velocity terms; in square-root form, the bodies in world axes.
-/// step: of an implicit step [s].
-template <Scene scene, class Workspace, class Q, class V>
-void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
-                [[maybe_unused]] const typename Workspace::Scalar& step = typename Workspace::Scalar(0))
-{
-  using Scalar = typename Workspace::Scalar;
-  const auto& tree = ws.tree();
-  ws.turns().set(q);
-  tree.outward([&]<class N, class S>(const N& node, const S& s) {
+/// From the base outward: orientations, Jacobians, velocity terms; in square-root form, the bodies in world axes. Of one
+/// subsystem.
+template <Scene scene, class Data, class Q, class V>
+struct KinematicStep {
+  using Scalar = typename Data::Scalar;
+  const Q& q;
+  const V& qd;
+  Data& ws;
+  Diagnosis& diagnosis;
+  const Scalar& step;  ///< of an implicit step [s]
+
+  template <class S>
+  void operator()(const Node& node, const S& s, NodeState<S>& state) const
+  {
     constexpr MotionPattern pattern = S::pattern;
-    NodeState<S>& state = ws.template node<S>(node);
-    const Placement<Scalar>& at = tree.placement(node.index);
+    const Placement<Scalar>& at = ws.tree().placement(node.index);
     Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
     if (node.inlet < 0) {
       state.R = at.R;
       state.r = at.p;
     } else {
       const FrameState<Scalar>& inlet = ws.frame(node.inlet);
-      if (tree.placement_turns(node.index)) {
+      if (ws.tree().placement_turns(node.index)) {
         multiply(inlet.R, at.R, state.R);
       } else {
 #pragma GCC unroll 8
         for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
       }
-      if (tree.straightens(node.index)) { straighten(state.R); }
+      if (ws.tree().straightens(node.index)) { straighten(state.R); }
       (Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p)).put(state.r.data());
       if constexpr (scene.velocity) { omega = Triple<Scalar>(inlet.omega.data()); }
     }
@@ -168,7 +171,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
         }
         spin.put(f.omega.data());
       }
-      if constexpr (Workspace::update == Update::square_root) {
+      if constexpr (Data::update == Update::square_root) {
         RootInertia<Scalar>& N_k = ws.root(node.frame + k);
         if constexpr (along<S>() != Along::nothing) {
           N_k.S = state.S_k[0];
@@ -192,6 +195,18 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
     if constexpr (scene.implicit && spring_count<S>() > 0) {
       stretch(s.springs(q_i, qd_i), qd_i, step, state, ws.load().template segment<S::n_i>(node.v));
     }
+  }
+};
+
+/// Of all.
+template <Scene scene, class Workspace, class Q, class V>
+void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
+                const typename Workspace::Scalar& step = typename Workspace::Scalar(0))
+{
+  ws.turns().set(q);
+  const KinematicStep<scene, typename Workspace::Data, Q, V> kinematic_step{q, qd, ws, diagnosis, step};
+  ws.tree().outward([&]<class S>(const Node& node, const S& s) {
+    kinematic_step(node, s, ws.template node<S>(node));
   });
 }
 

@@ -21,14 +21,6 @@ enum class Update {
   square_root,  ///< N with A = NᵀN in place of A: a few roundings whatever the length and the ratio of masses
 };
 
-namespace detail {
-
-/// In square-root form: the frame of S moves by one column, and n S is kept beside each of its rows n.
-template <class S, class Workspace>
-inline constexpr bool one_column = Workspace::update == Update::square_root && along<S>() != Along::nothing;
-
-}  // namespace detail
-
 /// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the subsystem
 /// that moves the frame.
 template <class Scalar>
@@ -75,70 +67,18 @@ struct NodeState {
       springs;                                       ///< of an implicit step
 };
 
-/// Intermediates of the O(n) pass over one tree. Construction allocates; nothing after it does.
-/// One per thread; the tree may be shared.
-template <class TreeType, Update update_ = Update::projected>
-class Workspace {
+namespace detail {
+
+/// What of a workspace depends on Scalar and update alone: all but what each type of subsystem keeps. The steps of the O(n)
+/// pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (laws of three types: 58
+/// s instead of 70 s).
+template <class Scalar_, Update update_>
+class WorkspaceData {
 public:
-  using Tree = TreeType;
-  using Scalar = typename Tree::Scalar;
+  using Scalar = Scalar_;
   static constexpr Update update = update_;
 
-  [[gnu::cold]] explicit Workspace(const Tree& tree)
-      : tree_(&tree), nodes_(tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()),
-        load_(tree.n_v()), Bbar_(tree.n_bbar())
-  {
-    if constexpr (update == Update::square_root) {
-      for (Index f = 0; f < tree.n_frames(); ++f) { frame_body_.emplace_back(tree.frame_mass(f)); }
-      for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
-      root_.resize(frames_.size());
-      shared_axis_.resize(static_cast<std::size_t>(tree.size()));
-    } else {
-      axes_ = detail::ParallelAxes<Scalar>(tree);
-    }
-    qdd_.setZero();
-    load_.setZero();
-    Bbar_.setZero();
-    tree.outward([&]<class N, class S>(const N& node, [[maybe_unused]] const S& s) {
-      // What a motion pattern declares zero is written here, once.
-      NodeState<S>& state = this->node<S>(node);
-      for (int k = 0; k < S::n_frames; ++k) {
-        state.S_k[static_cast<std::size_t>(k)].setZero();
-        FrameState<Scalar>& f = frame(node.frame + k);
-        f.offset = S::pattern.offset;
-        f.R.setIdentity();
-        f.r.setZero();
-        f.omega.setZero();
-        f.bias.setZero();
-        f.h.setZero();
-        f.Vdot.setZero();
-        f.A.set_zero();
-      }
-      if constexpr (detail::one_column<S, Workspace>) {
-        root(node.frame).keeps_v = true;
-        if constexpr (detail::has_own_twist<S>()) { frame_body_[static_cast<std::size_t>(node.frame)].set_own_twist(s.own_twist()); }
-      }
-      state.c.setZero();
-      state.r.setZero();
-      state.R.setIdentity();
-      if constexpr (detail::takes_turn<S>()) { turns_.add(node.q); }
-    });
-    turns_.allocate();
-    if constexpr (update == Update::square_root) { choose_free_axes(); }
-  }
-
-  const Tree& tree() const { return *tree_; }
-
-  template <class S, class N>
-  NodeState<S>& node(const N& node)
-  {
-    return nodes_.template at<S>(node);
-  }
-  template <class S, class N>
-  const NodeState<S>& node(const N& node) const
-  {
-    return nodes_.template at<S>(node);
-  }
+  const TreeData<Scalar>& tree() const { return *tree_; }
 
   FrameState<Scalar>& frame(Index f) { return frames_[static_cast<std::size_t>(f)]; }
   const FrameState<Scalar>& frame(Index f) const { return frames_[static_cast<std::size_t>(f)]; }
@@ -170,47 +110,131 @@ public:
   VectorX<Scalar>& Bbar() { return Bbar_; }  ///< the q̇ rows of all B̄_i, column by column (Node::bbar)
   const VectorX<Scalar>& Bbar() const { return Bbar_; }
 
+protected:
+  [[gnu::cold]] explicit WorkspaceData(const TreeData<Scalar>& tree)
+      : tree_(&tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()), load_(tree.n_v()),
+        Bbar_(tree.n_bbar())
+  {
+    if constexpr (update == Update::square_root) {
+      for (Index f = 0; f < tree.n_frames(); ++f) { frame_body_.emplace_back(tree.frame_mass(f)); }
+      for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
+      root_.resize(frames_.size());
+      shared_axis_.resize(static_cast<std::size_t>(tree.size()));
+    }
+    qdd_.setZero();
+    load_.setZero();
+    Bbar_.setZero();
+    for (FrameState<Scalar>& f : frames_) {
+      f.R.setIdentity();
+      f.r.setZero();
+      f.omega.setZero();
+      f.bias.setZero();
+      f.h.setZero();
+      f.Vdot.setZero();
+      f.A.set_zero();
+    }
+  }
+
+  const TreeData<Scalar>* tree_;
+  std::vector<FrameState<Scalar>> frames_;
+  std::vector<RootInertia<Scalar>> root_;
+  std::vector<SharedAxis<Scalar>> shared_axis_;
+  std::vector<BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
+  std::vector<BodyRoot<Scalar>> inlet_body_;
+  Turns<Scalar> turns_;
+  ParallelAxes<Scalar> axes_;
+  std::vector<FreeAxis> free_axes_;
+  VectorX<Scalar> qdd_;
+  VectorX<Scalar> load_;
+  VectorX<Scalar> Bbar_;
+};
+
+/// In square-root form: the frame of S moves by one column, and n S is kept beside each of its rows n.
+template <class S, class Workspace>
+inline constexpr bool one_column = Workspace::update == Update::square_root && along<S>() != Along::nothing;
+
+}  // namespace detail
+
+/// Intermediates of the O(n) pass over one tree. Construction allocates; nothing after it does.
+/// One per thread; the tree may be shared.
+template <class TreeType, Update update_ = Update::projected>
+class Workspace : public detail::WorkspaceData<typename TreeType::Scalar, update_> {
+public:
+  using Tree = TreeType;
+  using Scalar = typename Tree::Scalar;
+  using Data = detail::WorkspaceData<Scalar, update_>;
+  using Data::update;
+
+  [[gnu::cold]] explicit Workspace(const Tree& tree) : Data(tree), nodes_(tree)
+  {
+    tree.outward([&]<class S>(const Node& node, [[maybe_unused]] const S& s) {
+      // What a motion pattern declares zero is written here, once.
+      NodeState<S>& state = this->node<S>(node);
+      for (int k = 0; k < S::n_frames; ++k) {
+        state.S_k[static_cast<std::size_t>(k)].setZero();
+        this->frame(node.frame + k).offset = S::pattern.offset;
+      }
+      if constexpr (detail::one_column<S, Data>) {
+        this->root(node.frame).keeps_v = true;
+        if constexpr (detail::has_own_twist<S>()) {
+          this->frame_body_[static_cast<std::size_t>(node.frame)].set_own_twist(s.own_twist());
+        }
+      }
+      state.c.setZero();
+      state.r.setZero();
+      state.R.setIdentity();
+      if constexpr (detail::takes_turn<S>()) { this->turns_.add(node.q); }
+    });
+    this->turns_.allocate();
+    if constexpr (update == Update::square_root) {
+      choose_free_axes();
+    } else {
+      this->axes_ = detail::ParallelAxes<Scalar>(tree);
+    }
+  }
+
+  const Tree& tree() const { return static_cast<const Tree&>(*this->tree_); }
+
+  template <class S>
+  NodeState<S>& node(const Node& node)
+  {
+    return nodes_.template at<S>(node);
+  }
+  template <class S>
+  const NodeState<S>& node(const Node& node) const
+  {
+    return nodes_.template at<S>(node);
+  }
+
 private:
   /// Of each free frame the child with one column that carries most.
   void choose_free_axes()
   {
-    std::vector<Scalar> mass(static_cast<std::size_t>(tree_->size()), Scalar(0));
-    std::vector<Index> child(frames_.size(), -1);
+    std::vector<Scalar> mass(static_cast<std::size_t>(this->tree().size()), Scalar(0));
+    std::vector<Index> child(this->frames_.size(), -1);
     const auto carried = [&](Index i) -> Scalar& { return mass[static_cast<std::size_t>(i)]; };
-    tree_->inward([&]<class N, class S>(const N& node, const S&) {
+    tree().inward([&]<class S>(const Node& node, const S&) {
       for (int k = 0; k < S::n_frames; ++k) {
-        const FrameMass<Scalar>& body = tree_->frame_mass(node.frame + k);
+        const FrameMass<Scalar>& body = tree().frame_mass(node.frame + k);
         if (body.present) { carried(node.index) += body.mass; }
       }
       if constexpr (detail::is_free<S>()) {
         if (const Index heaviest = child[static_cast<std::size_t>(node.frame)]; heaviest >= 0) {
-          free_axes_.push_back({node.frame, heaviest});
-          root(node.frame).keeps_v = true;
-          root(node.frame).apart_along = heaviest;
+          this->free_axes_.push_back({node.frame, heaviest});
+          this->root(node.frame).keeps_v = true;
+          this->root(node.frame).apart_along = heaviest;
         }
       } else if (node.inlet >= 0) {
         carried(node.parent) += carried(node.index);
         Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
-        if constexpr (detail::one_column<S, Workspace>) {
+        if constexpr (detail::one_column<S, Data>) {
           if (heaviest < 0 || carried(heaviest) < carried(node.index)) { heaviest = node.index; }
         }
       }
     });
   }
 
-  const Tree* tree_;
   typename Tree::template Storage<NodeState> nodes_;
-  std::vector<FrameState<Scalar>> frames_;
-  std::vector<detail::RootInertia<Scalar>> root_;
-  std::vector<detail::SharedAxis<Scalar>> shared_axis_;
-  std::vector<detail::BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
-  std::vector<detail::BodyRoot<Scalar>> inlet_body_;
-  detail::Turns<Scalar> turns_;
-  detail::ParallelAxes<Scalar> axes_;
-  std::vector<detail::FreeAxis> free_axes_;
-  VectorX<Scalar> qdd_;
-  VectorX<Scalar> load_;
-  VectorX<Scalar> Bbar_;
 };
 
 template <class TreeType>
