@@ -104,15 +104,15 @@ struct Limb {
 /// The limbs of a tree, parents before children.
 class Limbs {
 public:
-  template <class Tree>
-  [[gnu::cold]] explicit Limbs(const Tree& tree) : depth_(tree.max_path_v())
+  template <class Scalar>
+  [[gnu::cold]] explicit Limbs(const TreeData<Scalar>& tree) : depth_(tree.max_path_v())
   {
     std::vector<Index> children(static_cast<std::size_t>(tree.size()), 0);
     for (const Node& node : tree.nodes()) {
       if (node.parent >= 0) { ++children[static_cast<std::size_t>(node.parent)]; }
     }
     for (const Node& node : tree.nodes()) {
-      const Index own = (node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v()) - node.v;
+      const Index own = tree.velocities(node.index);
       if (node.parent >= 0 && children[static_cast<std::size_t>(node.parent)] == 1) {
         limb_of_.push_back(limb_of(node.parent));
         limbs_[static_cast<std::size_t>(limb_of_.back())].end += own;
@@ -176,8 +176,8 @@ struct BetaColumn {
 /// is done, which may write over it.
 class FrameBuffers {
 public:
-  template <class Tree>
-  [[gnu::cold]] explicit FrameBuffers(const Tree& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
+  template <class Scalar>
+  [[gnu::cold]] explicit FrameBuffers(const TreeData<Scalar>& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
     std::vector<Index> last_use(of_frame_.size(), -1);
     for (const Node& node : tree.nodes()) {
@@ -209,12 +209,10 @@ private:
 };
 
 /// Blocks of inputs in the order of the subsystems that they act on: those on a subtree stand together.
-template <class Tree>
+template <class Scalar>
 class SortedInputs {
 public:
-  using Scalar = typename Tree::Scalar;
-
-  [[gnu::cold]] explicit SortedInputs(const Inputs<Tree>& inputs)
+  [[gnu::cold]] explicit SortedInputs(const InputBlocks<Scalar>& inputs)
       : inputs_(&inputs), end_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
   {
     for (Index id = 0; id < inputs.blocks(); ++id) { order_.push_back(id); }
@@ -225,7 +223,7 @@ public:
     bhat_column_.assign(order_.size(), -1);
   }
 
-  const Inputs<Tree>& inputs() const { return *inputs_; }
+  const InputBlocks<Scalar>& inputs() const { return *inputs_; }
 
   /// Number of one of its blocks.
   Index id(const Input<Scalar>& block) const { return static_cast<Index>(&block - &inputs_->block(0)); }
@@ -273,7 +271,7 @@ private:
     if (input.active) { f(input, bhat_column_[static_cast<std::size_t>(order_[k])]); }
   }
 
-  const Inputs<Tree>* inputs_;
+  const InputBlocks<Scalar>* inputs_;
   Index changes_ = -1;              // of the inputs, when they were numbered
   std::vector<Index> order_;
   std::vector<std::size_t> end_;    // of a subsystem: place in order_ behind the blocks on those before it

@@ -65,8 +65,8 @@ public:
   std::vector<std::int32_t> first_run;  ///< of a square of B̂, a bundle of columns after the other
   std::vector<Run> runs;
 
-  template <class Tree>
-  [[gnu::cold]] BundlePlan(const Tree& tree, Index max_columns)
+  template <class Scalar>
+  [[gnu::cold]] BundlePlan(const TreeData<Scalar>& tree, Index max_columns)
   {
     const Limbs limbs(tree);
     std::vector<Index> limb_paths;

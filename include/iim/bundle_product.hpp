@@ -39,8 +39,7 @@ class BundleProduct {
 public:
   static constexpr Index least_rows = lanes;  ///< of L; zeros after the last
 
-  template <class Tree>
-  [[gnu::cold]] BundleProduct(const Tree& tree, Index max_columns) : plan_(tree, max_columns)
+  [[gnu::cold]] BundleProduct(const TreeData<Scalar>& tree, Index max_columns) : plan_(tree, max_columns)
   {
     L_.setZero(plan_.registers() * lanes);
     beta_.setZero((tree.n_v() + side) * lanes);

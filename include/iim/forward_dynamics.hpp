@@ -96,8 +96,8 @@ public:
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
-  template <class InputsType, class U>
-  void apply(const InputsType& inputs, const U& u)
+  template <class InputScalar, class U>
+  void apply(const InputBlocks<InputScalar>& inputs, const U& u)
   {
     inputs.for_each_active([&](const auto& input, Index column) {
       if (!detail::all_finite(u.segment(column, input.size))) { diagnosis_.fail(Status::invalid_state, input.subsystem); }

@@ -93,7 +93,7 @@ public:
   }
 
   PathJacobian<Tree>& jacobian() { return jacobian_; }
-  const Inputs<Tree>& inputs() const { return sorted_.inputs(); }
+  const InputBlocks<Scalar>& inputs() const { return sorted_.inputs(); }
 
   /// Before the walk outward on which `project` is called for every subsystem.
   void begin()
@@ -181,7 +181,7 @@ private:
 
   const Tree* tree_;
   PathJacobian<Tree> jacobian_;
-  SortedInputs<Tree> sorted_;
+  SortedInputs<Scalar> sorted_;
   MatrixX<Scalar> entries_;  // path positions × columns
   std::vector<Column> columns_;
   Index count_ = 0;

@@ -61,25 +61,17 @@ private:
 
 }  // namespace detail
 
-/// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
-/// does neither. Columns of inactive blocks do not exist: those after them move up.
-template <class Tree>
-class Inputs {
+namespace detail {
+
+/// Inputs of any tree.
+template <class Scalar_>
+class InputBlocks {
 public:
-  using Scalar = typename Tree::Scalar;
+  using Scalar = Scalar_;
   using Id = Index;  ///< number of a block, in the order of adding
 
   /// Whether to begin with all motors of the tree, in the order of its subsystems.
   enum class Start { all_motors, empty };
-
-  [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : tree_(&tree)
-  {
-    if (start == Start::all_motors) {
-      for (Index i = 0; i < tree.size(); ++i) {
-        if (motors_of(i).size > 0) { append(motors_of(i)); }
-      }
-    }
-  }
 
   /// The motor inputs of one subsystem. Throws ModelError if it does not exist, has none, or is in already.
   Id add_motor(const std::string& subsystem)
@@ -114,20 +106,7 @@ public:
     count();
   }
 
-  /// The same inputs on the same robot with another Scalar.
-  template <class Other>
-  Inputs<Other> on(const Other& tree) const
-  {
-    using T = typename Other::Scalar;
-    Inputs<Other> other(tree, Inputs<Other>::Start::empty);
-    for (const Input<Scalar>& input : blocks_) {
-      other.append({input.kind, input.name, input.size, input.subsystem, input.frame, input.point.template cast<T>(),
-                    input.R.template cast<T>(), input.axes, input.v, input.velocities, input.bbar, input.active});
-    }
-    return other;
-  }
-
-  const Tree& tree() const { return *tree_; }
+  const TreeData<Scalar>& tree() const { return *tree_; }
   Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
   Index changes() const { return changes_; }          ///< another number than before: blocks may have been switched
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
@@ -157,19 +136,31 @@ public:
     }
   }
 
-private:
-  template <class Other>
-  friend class Inputs;
+protected:
+  [[gnu::cold]] InputBlocks(const TreeData<Scalar>& tree, Start start) : tree_(&tree)
+  {
+    if (start == Start::all_motors) {
+      for (Index i = 0; i < tree.size(); ++i) {
+        if (motors_of(i).size > 0) { append(motors_of(i)); }
+      }
+    }
+  }
 
+  Id append(const Input<Scalar>& input)
+  {
+    blocks_.push_back(input);
+    max_columns_ += input.size;
+    count();
+    return blocks() - 1;
+  }
+
+private:
   Input<Scalar> motors_of(Index i) const
   {
-    Input<Scalar> input{InputKind::motor, tree_->name(i), 0, i};
-    tree_->visit(i, [&]<class N, class S>(const N& node, const S&) {
-      input.size = S::n_u;
-      input.v = node.v;
-      input.velocities = S::n_i;
-      input.bbar = node.bbar;
-    });
+    Input<Scalar> input{InputKind::motor, tree_->name(i), tree_->motors(i), i};
+    input.v = tree_->node(i).v;
+    input.velocities = tree_->velocities(i);
+    input.bbar = tree_->node(i).bbar;
     return input;
   }
 
@@ -187,14 +178,6 @@ private:
     return input;
   }
 
-  Id append(const Input<Scalar>& input)
-  {
-    blocks_.push_back(input);
-    max_columns_ += input.size;
-    count();
-    return blocks() - 1;
-  }
-
   void count()
   {
     ++changes_;
@@ -202,11 +185,46 @@ private:
     for (const Input<Scalar>& input : blocks_) { columns_ += input.active ? input.size : 0; }
   }
 
-  const Tree* tree_;
+  const TreeData<Scalar>* tree_;
   std::vector<Input<Scalar>> blocks_;
   Index columns_ = 0;
   Index max_columns_ = 0;
-  detail::ChangeCount changes_;
+  ChangeCount changes_;
+};
+
+}  // namespace detail
+
+/// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
+/// does neither. Columns of inactive blocks do not exist: those after them move up.
+template <class Tree>
+class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
+  using Blocks = detail::InputBlocks<typename Tree::Scalar>;
+
+public:
+  using typename Blocks::Scalar;
+  using typename Blocks::Start;
+
+  [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : Blocks(tree, start) {}
+
+  /// The same inputs on the same robot with another Scalar.
+  template <class Other>
+  Inputs<Other> on(const Other& tree) const
+  {
+    using T = typename Other::Scalar;
+    Inputs<Other> other(tree, Inputs<Other>::Start::empty);
+    for (Index id = 0; id < this->blocks(); ++id) {
+      const Input<Scalar>& input = this->block(id);
+      other.append({input.kind, input.name, input.size, input.subsystem, input.frame, input.point.template cast<T>(),
+                    input.R.template cast<T>(), input.axes, input.v, input.velocities, input.bbar, input.active});
+    }
+    return other;
+  }
+
+  const Tree& tree() const { return static_cast<const Tree&>(Blocks::tree()); }
+
+private:
+  template <class Other>
+  friend class Inputs;
 };
 
 namespace detail {

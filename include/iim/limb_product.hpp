@@ -103,8 +103,7 @@ class LimbProduct {
 public:
   static constexpr Index least_rows = 0;  ///< of L
 
-  template <class Tree>
-  LimbProduct(const Tree& tree, Index) : limbs_(tree)
+  LimbProduct(const TreeData<Scalar>& tree, Index) : limbs_(tree)
   {
     for (const Node& node : tree.nodes()) {
       const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();

@@ -30,13 +30,12 @@
 
 namespace iim::detail {
 
-/// B̂ from the workspace. Construction allocates O(n_v · depth + depth · m); nothing after it does. Refers to the tree.
-template <class Tree>
-class ProductForm {
-public:
-  using Scalar = typename Tree::Scalar;
-
-  [[gnu::cold]] ProductForm(const Tree& tree, const Inputs<Tree>& inputs)
+/// Of the product all that depends on Scalar alone, and the step of a single subsystem. Workspace: its part that depends on
+/// Scalar and update alone.
+template <class Scalar>
+class ProductSteps {
+protected:
+  [[gnu::cold]] ProductSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), product_(tree, inputs.max_columns()), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
         first_beta_(std::max(tree.n_v(), product_.least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
         steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_column_(at(tree.size()) + 1, 0),
@@ -54,18 +53,6 @@ public:
     plan();
   }
 
-  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(), `column_stride` apart. The workspace holds
-  /// the O(n) pass. Returns true if B̂ is known to be finite.
-  template <class Workspace, class Matrix>
-  bool operator()(const Workspace& ws, Matrix& Bhat)
-  {
-    assert(Bhat.outerStride() == column_stride<Scalar>(tree_->n_v()));
-    if (inputs_.number_columns()) { plan(); }
-    outward(ws);
-    return product_(rows_, scale_, columns_, Bhat);
-  }
-
-private:
   static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
   using Lanes = detail::Lanes<Scalar>;
 
@@ -102,9 +89,7 @@ private:
     scaled_.clear();
     projections_.clear();
     const Index stride = column_stride<Scalar>(tree_->n_v());
-    const auto own_of = [&](const Node& node) {
-      return (node.index + 1 < tree_->size() ? tree_->node(node.index + 1).v : tree_->n_v()) - node.v;
-    };
+    const auto own_of = [&](const Node& node) { return tree_->velocities(node.index); };
     for (const Node& node : tree_->nodes()) {
       const Index own = own_of(node);
       Step& step = steps_[at(node.index)];
@@ -152,20 +137,28 @@ private:
     return first_column_[at(node.index)] < first_column_[at(node.subtree_end)];
   }
 
-  /// Step 2: L and H along every path; at each subsystem, β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
-  template <class Workspace>
-  void outward(const Workspace& ws)
+  /// Step 2 at one subsystem: L and H; β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
+  template <class S, class Workspace>
+  void outward(const Node& node, const NodeState<S>& state, const Workspace& ws)
   {
-    tree_->outward([&]<class N, class S>(const N& node, const S&) {
-      const Step& step = steps_[at(node.index)];
-      propagate<S>(ws, node, ws.template node<S>(node), step);
-      for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
-    });
-    for (const Scaled& scaled : scaled_) { scale_[at(scaled.column)] = ws.Bbar().data()[scaled.bbar]; }
+    const Step& step = steps_[at(node.index)];
+    propagate<S>(ws, node, state, step);
+    for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
   }
 
-  template <class S, class Workspace, class N>
-  [[gnu::always_inline]] void project(const Workspace& ws, const N& node, const Projection& projection)
+  /// Steps 2 and 3. outward_loop: calls outward for all subsystems.
+  template <class Workspace, class Matrix, class Loop>
+  bool compute(const Workspace& ws, Matrix& Bhat, Loop&& outward_loop)
+  {
+    assert(Bhat.outerStride() == column_stride<Scalar>(tree_->n_v()));
+    if (inputs_.number_columns()) { plan(); }
+    outward_loop();
+    for (const Scaled& scaled : scaled_) { scale_[at(scaled.column)] = ws.Bbar().data()[scaled.bbar]; }
+    return product_(rows_, scale_, columns_, Bhat);
+  }
+
+  template <class S, class Workspace>
+  [[gnu::always_inline]] void project(const Workspace& ws, const Node& node, const Projection& projection)
   {
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
@@ -181,8 +174,8 @@ private:
 
   /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`
   /// ones: y = 0, L_i = C. The last lanes after these are zero, and therefore so in all that follows from them.
-  template <class S, class Workspace, class N>
-  [[gnu::always_inline]] void propagate(const Workspace& ws, const N& node, const NodeState<S>& state, const Step& step)
+  template <class S, class Workspace>
+  [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeState<S>& state, const Step& step)
   {
     constexpr int n_i = S::n_i;
     constexpr bool apart = one_column<S, Workspace>;
@@ -329,9 +322,9 @@ private:
 
   static constexpr std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-  const Tree* tree_;
+  const TreeData<Scalar>* tree_;
   std::conditional_t<(lanes > 1), BundleProduct<Scalar>, LimbProduct<Scalar>> product_;
-  SortedInputs<Tree> inputs_;
+  SortedInputs<Scalar> inputs_;
   Index depth_;           // padded length of the longest path
   Index first_beta_;      // row
   MatrixX<Scalar> rows_;  // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β
@@ -344,6 +337,26 @@ private:
   std::vector<BetaColumn> columns_;   // sorted along the tree
   std::vector<Scaled> scaled_;
   std::vector<Projection> projections_;
+};
+
+/// B̂ from the workspace. Construction allocates O(n_v · depth + depth · m); nothing after it does. Refers to the tree.
+template <class Tree>
+class ProductForm : ProductSteps<typename Tree::Scalar> {
+public:
+  using Scalar = typename Tree::Scalar;
+
+  [[gnu::cold]] ProductForm(const Tree& tree, const Inputs<Tree>& inputs) : ProductSteps<Scalar>(tree, inputs) {}
+
+  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(), `column_stride` apart. The workspace holds
+  /// the O(n) pass. Returns true if B̂ is known to be finite.
+  template <class Workspace, class Matrix>
+  bool operator()(const Workspace& ws, Matrix& Bhat)
+  {
+    const typename Workspace::Data& data = ws;
+    return this->compute(data, Bhat, [&] {
+      ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
+    });
+  }
 };
 
 }  // namespace iim::detail

@@ -28,57 +28,20 @@
 
 namespace iim::detail {
 
-/// Columns of B̂, `width` at a time. Construction allocates O(n_v·width); nothing after it does. Refers to the tree.
-template <class Tree, int width>
-class Sweep {
-public:
-  using Scalar = typename Tree::Scalar;
-
-  [[gnu::cold]] Sweep(const Tree& tree, const Inputs<Tree>& inputs)
+/// Of a sweep all that depends on Scalar alone, and the steps of single subsystems. Workspace: its part that depends on
+/// Scalar and update alone.
+template <class Scalar, int width>
+class SweepSteps {
+protected:
+  [[gnu::cold]] SweepSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
         applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
         rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest)
   {
     for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
-    tree.outward([&]<class N, class S>(const N&, const S&) { own_.push_back({S::n_i, is_free<S>()}); });
   }
 
-  /// Writes all active columns (n_v × inputs.columns()). The workspace holds the O(n) pass of the state.
-  /// Returns true if B̂ is known to be finite.
-  template <class Workspace, class Matrix>
-  bool operator()(const Workspace& ws, Matrix& Bhat)
-  {
-    assert(Bhat.cols() == sorted_.inputs().columns() && Bhat.rows() == tree_->n_v());
-    std::array<Index, width> columns;
-    int lane = 0;
-    Lane check = zero();  // the sum of all that was written to B̂
-    const auto finish = [&] {
-      inward(ws);
-      outward(ws);
-      write(columns, lane, Bhat, check);
-      lane = 0;
-      std::fill(reach_.begin(), reach_.end(), at_rest);
-    };
-    sorted_.number_columns();
-    sorted_.for_each([&](const Input<Scalar>& input, Index column) {
-      for (Index j = 0; j < input.size; ++j) {
-        columns[at(lane)] = column + j;
-        act(ws, input, j, lane++);
-        if (lane == width) { finish(); }
-      }
-    });
-    if (lane > 0) { finish(); }
-    if constexpr (width == 1) {
-      return false;
-    } else {
-      Scalar sum(0);
-      for (int l = 0; l < width; ++l) { sum += entry(check, l); }
-      return detail::is_finite(sum);
-    }
-  }
-
-private:
   static constexpr int side = std::min(register_lanes<Scalar>, width);  ///< of a register
   using Lane = std::conditional_t<width == 1, Scalar, Eigen::Array<Scalar, width, 1>>;
   using Six = std::array<Lane, 6>;
@@ -130,6 +93,38 @@ private:
     }
   }
 
+  /// All columns; loops: inward and outward for those that are in the lanes.
+  template <class Workspace, class Matrix, class Loops>
+  bool compute(const Workspace& ws, Matrix& Bhat, Loops&& loops)
+  {
+    assert(Bhat.cols() == sorted_.inputs().columns() && Bhat.rows() == tree_->n_v());
+    std::array<Index, width> columns;
+    int lane = 0;
+    Lane check = zero();  // the sum of all that was written to B̂
+    const auto finish = [&] {
+      loops();
+      write(columns, lane, Bhat, check);
+      lane = 0;
+      std::fill(reach_.begin(), reach_.end(), at_rest);
+    };
+    sorted_.number_columns();
+    sorted_.for_each([&](const Input<Scalar>& input, Index column) {
+      for (Index j = 0; j < input.size; ++j) {
+        columns[at(lane)] = column + j;
+        act(ws, input, j, lane++);
+        if (lane == width) { finish(); }
+      }
+    });
+    if (lane > 0) { finish(); }
+    if constexpr (width == 1) {
+      return false;
+    } else {
+      Scalar sum(0);
+      for (int l = 0; l < width; ++l) { sum += entry(check, l); }
+      return detail::is_finite(sum);
+    }
+  }
+
   /// The unit in column j of an input, on its subsystem; clears what the inward pass adds to on the path to the world.
   template <class Workspace>
   void act(const Workspace& ws, const Input<Scalar>& input, Index j, int lane)
@@ -173,148 +168,142 @@ private:
   }
 
   /// Wrenches from the inputs to the world; leaves M̄_R⁻¹ τ in rows_.
-  template <class Workspace>
-  void inward(const Workspace& ws)
+  template <class S, class Workspace>
+  void inward(const Node& node, const NodeState<S>& state, const Workspace& ws)
   {
-    tree_->inward([&]<class N, class S>(const N& node, const S&) {
-      constexpr int n_i = S::n_i;
-      if (reach_[at(node.index)] != acted) { return; }
-      const NodeState<S>& state = ws.template node<S>(node);
-      constexpr bool apart = one_column<S, Workspace>;
-      [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
-      std::array<Six, S::n_frames> p_k;
-      unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
-      Six p;
-      copy(p_k[0], p);
-      for (int k = 1; k < S::n_frames; ++k) { add(p_k[at(k)], p); }
-      if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
-        move_free(ws.root(node.frame), node, state, p);
-      } else if constexpr (n_i > 0) {
-        std::array<Lane, n_i> tau;
-        unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
-          tau[d] = rows_[at(node.v + d)];
-          if constexpr (apart) {
-            share = -tau[0];
-            tau[0] += along_[at(node.frame)];
-          } else {
-            unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
-              unrolled<6>([&](auto c) __attribute__((always_inline)) {
-                if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) { tau[d] += p_k[k][c] * state.S_k[k].coeff(c, d); }
-              });
+    constexpr int n_i = S::n_i;
+    if (reach_[at(node.index)] != acted) { return; }
+    constexpr bool apart = one_column<S, Workspace>;
+    [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
+    std::array<Six, S::n_frames> p_k;
+    unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
+    Six p;
+    copy(p_k[0], p);
+    for (int k = 1; k < S::n_frames; ++k) { add(p_k[at(k)], p); }
+    if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
+      move_free(ws.root(node.frame), node, state, p);
+    } else if constexpr (n_i > 0) {
+      std::array<Lane, n_i> tau;
+      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+        tau[d] = rows_[at(node.v + d)];
+        if constexpr (apart) {
+          share = -tau[0];
+          tau[0] += along_[at(node.frame)];
+        } else {
+          unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
+            unrolled<6>([&](auto c) __attribute__((always_inline)) {
+              if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) { tau[d] += p_k[k][c] * state.S_k[k].coeff(c, d); }
             });
-          }
-        });
-        unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
-          Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
-          unrolled<n_i - 1>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
-          rows_[at(node.v + d)] = row;
-        });
-        if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
-        if (node.inlet < 0) { return; }
-        unrolled<6>([&](auto c) __attribute__((always_inline)) {
-          unrolled<n_i>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
-        });
-      }
-      if (is_free<S>() || node.inlet < 0) { return; }
-      if constexpr (Workspace::update == Update::square_root) {
-        if (ws.root(node.inlet).keeps_v) {
-          const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
-          Lane& sum = along_[at(node.inlet)];
-          sum += share * shared.undone;
-          if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
-          unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
+          });
         }
+      });
+      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+        Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
+        unrolled<n_i - 1>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
+        rows_[at(node.v + d)] = row;
+      });
+      if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
+      if (node.inlet < 0) { return; }
+      unrolled<6>([&](auto c) __attribute__((always_inline)) {
+        unrolled<n_i>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
+      });
+    }
+    if (is_free<S>() || node.inlet < 0) { return; }
+    if constexpr (Workspace::update == Update::square_root) {
+      if (ws.root(node.inlet).keeps_v) {
+        const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+        Lane& sum = along_[at(node.inlet)];
+        sum += share * shared.undone;
+        if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
+        unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
       }
-      move_wrench(state.r, p);
-      Six& inlet = moving_[at(buffers_[node.inlet])];
-      char& load = loads_[at(node.inlet)];
-      if ((load & by_child) != 0) {
-        add(p, inlet);
-      } else {
-        copy(p, inlet);
-        load = static_cast<char>(load | by_child);
-      }
-    });
+    }
+    move_wrench(state.r, p);
+    Six& inlet = moving_[at(buffers_[node.inlet])];
+    char& load = loads_[at(node.inlet)];
+    if ((load & by_child) != 0) {
+      add(p, inlet);
+    } else {
+      copy(p, inlet);
+      load = static_cast<char>(load | by_child);
+    }
   }
 
   /// Accelerations from the world outward; leaves q̈ in rows_.
-  template <class Workspace>
-  void outward(const Workspace& ws)
+  template <class S, class Workspace>
+  void outward(const Node& node, const NodeState<S>& state, const Workspace& ws)
   {
-    tree_->outward([&]<class N, class S>(const N& node, const S&) {
-      constexpr int n_i = S::n_i;
-      Reach& reach = reach_[at(node.index)];
-      const bool guided = node.parent >= 0 && reach_[at(node.parent)] != at_rest;
-      if (reach == at_rest) {
-        for (int d = 0; d < n_i; ++d) { rows_[at(node.v + d)] = zero(); }
-        if (!guided) { return; }
-        reach = carried;
+    constexpr int n_i = S::n_i;
+    Reach& reach = reach_[at(node.index)];
+    const bool guided = node.parent >= 0 && reach_[at(node.parent)] != at_rest;
+    if (reach == at_rest) {
+      for (int d = 0; d < n_i; ++d) { rows_[at(node.v + d)] = zero(); }
+      if (!guided) { return; }
+      reach = carried;
+    }
+    constexpr bool apart = one_column<S, Workspace>;
+    [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
+    [[maybe_unused]] Lane slip = zero();
+    Six y;
+    if (guided) {
+      copy(moving_[at(buffers_[node.inlet])], y);
+      move_twist(state.r, y);
+      if constexpr (Workspace::update == Update::square_root) {
+        if (ws.root(node.inlet).keeps_v) {
+          const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+          const Lane& rate = along_[at(node.inlet)];
+          unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
+          undone = rate * shared.undone;
+          if constexpr (has_within<S>()) { slip = rate * shared.slip; }
+        }
       }
-      const NodeState<S>& state = ws.template node<S>(node);
-      constexpr bool apart = one_column<S, Workspace>;
-      [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
-      [[maybe_unused]] Lane slip = zero();
-      Six y;
+    } else {
+      clear(y);
+    }
+    std::array<Lane, n_i> qdd;
+    unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+      qdd[d] = rows_[at(node.v + d)];
+      Lane row = qdd[d];
       if (guided) {
-        copy(moving_[at(buffers_[node.inlet])], y);
-        move_twist(state.r, y);
-        if constexpr (Workspace::update == Update::square_root) {
-          if (ws.root(node.inlet).keeps_v) {
-            const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
-            const Lane& rate = along_[at(node.inlet)];
-            unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
-            undone = rate * shared.undone;
-            if constexpr (has_within<S>()) { slip = rate * shared.slip; }
-          }
-        }
+        unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
+        rows_[at(node.v + d)] = row;
+        if constexpr (apart) { rows_[at(node.v)] -= undone; }
+        if constexpr (apart && has_within<S>()) { row += slip; }
+      }
+      if constexpr (!is_free<S>()) { qdd[d] = row; }
+    });
+    if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
+      Six& motion = moving_[at(buffers_[node.frame])];
+      if (reach == acted) {
+        copy(applied_[at(node.frame)], motion);
       } else {
-        clear(y);
+        clear(motion);
+        along_[at(node.frame)] = zero();
       }
-      std::array<Lane, n_i> qdd;
-      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
-        qdd[d] = rows_[at(node.v + d)];
-        Lane row = qdd[d];
-        if (guided) {
-          unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
-          rows_[at(node.v + d)] = row;
-          if constexpr (apart) { rows_[at(node.v)] -= undone; }
-          if constexpr (apart && has_within<S>()) { row += slip; }
+      return;
+    }
+    // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
+    if constexpr (is_free<S>()) { clear(y); }
+    if constexpr (apart) {
+      copy(y, moving_[at(buffers_[node.frame])]);
+      along_[at(node.frame)] = qdd[0];
+      return;
+    }
+    unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
+      Six& Vdot = moving_[at(buffers_[node.frame + k])];
+      unrolled<6>([&](auto c) __attribute__((always_inline)) {
+        Lane sum = y[c];
+        if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
+          unrolled<n_i>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
         }
-        if constexpr (!is_free<S>()) { qdd[d] = row; }
-      });
-      if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
-        Six& motion = moving_[at(buffers_[node.frame])];
-        if (reach == acted) {
-          copy(applied_[at(node.frame)], motion);
-        } else {
-          clear(motion);
-          along_[at(node.frame)] = zero();
-        }
-        return;
-      }
-      // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
-      if constexpr (is_free<S>()) { clear(y); }
-      if constexpr (apart) {
-        copy(y, moving_[at(buffers_[node.frame])]);
-        along_[at(node.frame)] = qdd[0];
-        return;
-      }
-      unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
-        Six& Vdot = moving_[at(buffers_[node.frame + k])];
-        unrolled<6>([&](auto c) __attribute__((always_inline)) {
-          Lane sum = y[c];
-          if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
-            unrolled<n_i>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
-          }
-          Vdot[c] = sum;
-        });
+        Vdot[c] = sum;
       });
     });
   }
 
   /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_ (free_root.hpp).
-  template <class S, class N>
-  void move_free(const RootInertia<Scalar>& inertia, const N& node, const NodeState<S>& state, Six& p)
+  template <class S>
+  void move_free(const RootInertia<Scalar>& inertia, const Node& node, const NodeState<S>& state, Six& p)
   {
     Lane& along = along_[at(node.frame)];
     for (int d = 0; d < S::n_i; ++d) {  // forces of inputs on the velocities themselves
@@ -383,8 +372,8 @@ private:
     bool free;
   };
 
-  const Tree* tree_;
-  SortedInputs<Tree> sorted_;
+  const TreeData<Scalar>* tree_;
+  SortedInputs<Scalar> sorted_;
   // Of a frame, inward p_k that its children hand on, outward V̇_k; apart from S q̈ in square-root form. Memory that lives
   // from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven, takes 20 % less.
   FrameBuffers buffers_;
@@ -395,6 +384,32 @@ private:
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   std::vector<Reach> reach_;
   std::vector<Own> own_;
+};
+
+/// Columns of B̂, `width` at a time. Construction allocates O(n_v·width); nothing after it does. Refers to the tree.
+template <class Tree, int width>
+class Sweep : SweepSteps<typename Tree::Scalar, width> {
+  using Steps = SweepSteps<typename Tree::Scalar, width>;
+
+public:
+  using Scalar = typename Tree::Scalar;
+
+  [[gnu::cold]] Sweep(const Tree& tree, const Inputs<Tree>& inputs) : Steps(tree, inputs)
+  {
+    tree.outward([&]<class S>(const Node&, const S&) { this->own_.push_back({S::n_i, is_free<S>()}); });
+  }
+
+  /// Writes all active columns (n_v × inputs.columns()). The workspace holds the O(n) pass of the state.
+  /// Returns true if B̂ is known to be finite.
+  template <class Workspace, class Matrix>
+  bool operator()(const Workspace& ws, Matrix& Bhat)
+  {
+    const typename Workspace::Data& data = ws;
+    return this->compute(data, Bhat, [&] {
+      ws.tree().inward([&]<class S>(const Node& node, const S&) { this->inward(node, ws.template node<S>(node), data); });
+      ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
+    });
+  }
 };
 
 }  // namespace iim::detail

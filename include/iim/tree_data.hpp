@@ -60,6 +60,9 @@ public:
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
   const std::vector<Node>& nodes() const { return nodes_; }
   const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
+  /// How many velocities and motors subsystem i has.
+  Index velocities(Index i) const { return (i + 1 < size() ? node(i + 1).v : n_v_) - node(i).v; }
+  Index motors(Index i) const { return (i + 1 < size() ? node(i + 1).u : n_u_) - node(i).u; }
   const std::string& name(Index i) const { return names_[static_cast<std::size_t>(i)]; }
   const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
