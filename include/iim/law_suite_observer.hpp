@@ -124,47 +124,60 @@ Eigen::VectorXd moved(const Tree& tree, const Eigen::VectorXd& q, const Eigen::V
 /// Weights of the eight-point first derivative at ±1, ±2, ±3, ±4.
 inline constexpr std::array<double, 4> difference_weights{4. / 5, -1. / 5, 4. / 105, -1. / 280};
 
+/// A frame of a part whose inlet rests in world axes.
+struct MovedFrame {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();
+  Eigen::MatrixXd S_k;  // 6 × n_i
+};
+
+inline void add_body(const Body<double>& body, const MovedFrame& f, Eigen::MatrixXd& Mbar)
+{
+  Eigen::MatrixXd at_com(6, Mbar.cols());
+  at_com << Eigen::MatrixXd::Identity(6, 6), f.S_k;
+  const Eigen::MatrixXd turning = at_com.bottomRows(3), arm = skew<double>(f.r + f.R * body.com);
+  const Eigen::MatrixXd linear = at_com.topRows(3) - arm * turning;
+  const Eigen::MatrixXd inertia = f.R * body.inertia * f.R.transpose();
+  Mbar += body.mass * linear.transpose() * linear;
+  Mbar += turning.transpose() * (inertia * turning);
+}
+
+inline void add_rotor(double inertia, const Eigen::RowVectorXd& ratio, bool coupled, const Eigen::Vector3d& axis,
+                      const MovedFrame& f, Eigen::MatrixXd& Mbar)
+{
+  Eigen::MatrixXd g = Eigen::MatrixXd::Zero(1, Mbar.cols());
+  g.rightCols(ratio.size()) = ratio;
+  if (coupled) {
+    const Eigen::RowVectorXd a = (f.R * axis).transpose();
+    g.middleCols(3, 3) += a;
+    g.rightCols(ratio.size()) += a * f.S_k.bottomRows(3);
+  }
+  Mbar += inertia * g.transpose() * g;
+}
+
 /// M̄_i from motion(), bodies(), rotors(): (6 + n_i)², for an inlet at rest in world axes.
 template <class S>
-Eigen::Matrix<double, 6 + S::n_i, 6 + S::n_i> internal_inertia(const S& s, const Coordinates<S>& q)
+Eigen::MatrixXd internal_inertia(const S& s, const Coordinates<S>& q)
 {
-  constexpr int size = 6 + S::n_i;
-  struct Frame {
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    Eigen::Vector3d r = Eigen::Vector3d::Zero();
-    Eigen::Matrix<double, 6, S::n_i> S_k = Eigen::Matrix<double, 6, S::n_i>::Zero();
-    Vector6<double> bias = Vector6<double>::Zero();
-  };
-  std::array<Frame, S::n_frames> frames;
+  const MovedFrame inlet{.S_k = Eigen::MatrixXd::Zero(6, S::n_i)};
+  std::array<MovedFrame, S::n_frames> frames;
+  std::array<Eigen::Matrix<double, 6, S::n_i>, S::n_frames> S_k;
+  std::array<Vector6<double>, S::n_frames> bias;
+  for (auto& columns : S_k) { columns.setZero(); }
+  for (auto& acceleration : bias) { acceleration.setZero(); }
   [&]<std::size_t... K>(std::index_sequence<K...>) {
-    std::array<FrameMotion<double, S::n_i>, S::n_frames> m{
-        {{frames[K].R, frames[K].r, frames[K].S_k, frames[K].bias}...}};
+    std::array<FrameMotion<double, S::n_i>, S::n_frames> m{{{frames[K].R, frames[K].r, S_k[K], bias[K]}...}};
     s.motion(Eigen::Matrix3d::Identity(), q, Velocities<S>::Zero(), m);
   }(std::make_index_sequence<S::n_frames>{});
-  Eigen::Matrix<double, size, size> Mbar = Eigen::Matrix<double, size, size>::Zero();
-  Eigen::Matrix<double, 6, size> P;
-  P.template leftCols<6>().setIdentity();
+  for (std::size_t k = 0; k < S::n_frames; ++k) { frames[k].S_k = S_k[k]; }
+  const auto frame = [&](int k) -> const MovedFrame& { return k < 0 ? inlet : frames[static_cast<std::size_t>(k)]; };
+  Eigen::MatrixXd Mbar = Eigen::MatrixXd::Zero(6 + S::n_i, 6 + S::n_i);
   for (const CarriedBody<double>& carried : s.bodies()) {
-    if (carried.body.is_massless) { continue; }
-    const Frame f = carried.frame < 0 ? Frame{} : frames[static_cast<std::size_t>(carried.frame)];
-    P.template rightCols<S::n_i>() = f.S_k;
-    Eigen::Matrix<double, 6, size> at_com = P;
-    at_com.template topRows<3>() -= skew<double>(f.r + f.R * carried.body.com) * P.template bottomRows<3>();
-    const Eigen::Matrix3d inertia = f.R * carried.body.inertia * f.R.transpose();
-    Mbar += carried.body.mass * at_com.template topRows<3>().transpose() * at_com.template topRows<3>() +
-            at_com.template bottomRows<3>().transpose() * inertia * at_com.template bottomRows<3>();
+    if (!carried.body.is_massless) { add_body(carried.body, frame(carried.frame), Mbar); }
   }
   if constexpr (rotor_count<S>() > 0) {
     for (const auto& rotor : s.rotors()) {
-      Eigen::Matrix<double, 1, size> g = Eigen::Matrix<double, 1, size>::Zero();
-      g.template rightCols<S::n_i>() = rotor.ratio;
-      if (rotor.coupled) {
-        const Frame f = rotor.frame < 0 ? Frame{} : frames[static_cast<std::size_t>(rotor.frame)];
-        const Eigen::Vector3d axis = f.R * rotor.axis;
-        g.template segment<3>(3) += axis.transpose();
-        g.template rightCols<S::n_i>() += axis.transpose() * f.S_k.template bottomRows<3>();
-      }
-      Mbar += rotor.inertia * g.transpose() * g;
+      add_rotor(rotor.inertia, rotor.ratio, rotor.coupled, rotor.axis, frame(rotor.frame), Mbar);
     }
   }
   return Mbar;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/iim.hpp>
+#include <iim/law_suite_checks.hpp>
 
 #include <Eigen/Geometry>
 
@@ -48,11 +49,9 @@ struct LawTrees<RevoluteLink<double>> {
   using Static = StaticTree<On<-1, Link>, On<0, Link>, On<1, Link>>;
 };
 
-/// A tree with what computes q̈₀ and B̂ of it, for a wrench at `tip` of each load.
+/// A tree with what computes q̈₀ and B̂ of it, for a wrench at `law_tip` of each load.
 template <class Tree>
 struct LawRobot {
-  static inline const Eigen::Vector3d tip{0.1, 0.2, -0.1};  // in the load's axes
-
   Tree tree;
   Inputs<Tree> inputs;
   Workspace<Tree> ws;
@@ -68,7 +67,7 @@ struct LawRobot {
   static Inputs<Tree> with_wrenches(const Tree& tree, int loads)
   {
     Inputs<Tree> inputs(tree);
-    for (int k = 0; k < loads; ++k) { inputs.add_wrench("load" + std::to_string(k), tip, Axes::body); }
+    for (int k = 0; k < loads; ++k) { inputs.add_wrench("load" + std::to_string(k), law_tip, Axes::body); }
     return inputs;
   }
 };
@@ -78,7 +77,7 @@ struct LawRobot {
 template <class S>
 struct LawParts {
   using Parts = typename LawTrees<S>::Dynamic::Parts;
-  static constexpr Index number = 3;  // of the part in the tree
+  static constexpr Index number = law_number;
 
   Parts robot, elsewhere, slim;
 

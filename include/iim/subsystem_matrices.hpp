@@ -28,12 +28,12 @@ struct SubsystemMatrices {
 
 namespace detail {
 
-template <Scene scene, class S, class N, class Workspace>
-void add_rotors(const N& node, const S& s, const Workspace& ws, SubsystemMatrices<typename S::Scalar>& m)
+template <Scene scene, class S, class Workspace>
+void add_rotors(const Node& node, const S& s, [[maybe_unused]] const NodeState<S>& state, const Workspace& ws,
+                SubsystemMatrices<typename S::Scalar>& m)
 {
   using Scalar = typename S::Scalar;
   if constexpr (rotor_count<S>() > 0) {
-    const NodeState<S>& state = ws.template node<S>(node);
     for (const auto& rotor : s.rotors()) {
       const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
       VectorX<Scalar> g = VectorX<Scalar>::Zero(6 + S::n_i);
@@ -52,29 +52,51 @@ void add_rotors(const N& node, const S& s, const Workspace& ws, SubsystemMatrice
   }
 }
 
-template <Scene scene, class S, class N, class Workspace>
-void add_bodies(const N& node, const Workspace& ws, SubsystemMatrices<typename S::Scalar>& m)
+/// The bodies on one frame, whose twist at the coupling point is G V_i.
+template <bool velocity, class Scalar>
+void add_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
+                const Vector6<Scalar>& bias, const MatrixX<Scalar>& G, SubsystemMatrices<Scalar>& m)
+{
+  SpatialInertia<Scalar> inertia;
+  Vector6<Scalar> h;
+  place_bodies<true, velocity>(body, R, r, omega, inertia, h);
+  const Matrix6<Scalar> A = inertia.dense();
+  m.Mbar += G.transpose() * A * G;
+  if constexpr (velocity) { m.hbar += G.transpose() * (A * bias + h); }
+}
+
+/// What has no part in how the parent moves. Workspace: its part that depends on Scalar and update alone.
+template <bool velocity, class S, class Workspace>
+void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const Workspace& ws, bool implicit,
+                  SubsystemMatrices<typename S::Scalar>& m)
 {
   using Scalar = typename S::Scalar;
-  const auto add = [&](const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                       const Vector3<Scalar>& omega, const Vector6<Scalar>& bias, const MatrixX<Scalar>& G) {
-    SpatialInertia<Scalar> inertia;
-    Vector6<Scalar> h;
-    place_bodies<true, scene.velocity>(body, R, r, omega, inertia, h);
-    const Matrix6<Scalar> A = inertia.dense();
-    m.Mbar += G.transpose() * A * G;
-    if constexpr (scene.velocity) { m.hbar += G.transpose() * (A * bias + h); }
-  };
-  const NodeState<S>& state = ws.template node<S>(node);
+  constexpr int n_i = S::n_i;
+  for (const auto& S_k : state.S_k) {
+    m.frame.emplace_back(6, 6 + n_i);
+    m.frame.back() << Matrix6<Scalar>::Identity(), S_k;
+  }
+  m.F.setZero(6 + n_i, n_i);
+  m.F.bottomRows(n_i).setIdentity();
+  m.Mbar.setZero(6 + n_i, 6 + n_i);
+  m.hbar.setZero(6 + n_i);
+  m.Bbar.setZero(6 + n_i, S::n_u);
+  m.Bbar.bottomRows(n_i) = ws.Bbar().segment(node.bbar, n_i * S::n_u).reshaped(n_i, S::n_u);
   const Vector3<Scalar> zero = Vector3<Scalar>::Zero();
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    add(ws.tree().frame_mass(node.frame + k), f.R, f.r, f.omega, f.bias, m.frame[static_cast<std::size_t>(k)]);
+    add_bodies<velocity>(ws.tree().frame_mass(node.frame + k), f.R, f.r, f.omega, f.bias, m.frame[static_cast<std::size_t>(k)], m);
   }
-  MatrixX<Scalar> inlet = MatrixX<Scalar>::Zero(6, 6 + S::n_i);
-  inlet.leftCols(6).setIdentity();
-  add(ws.tree().inlet_mass(node.index), state.R, zero, node.inlet < 0 ? zero : ws.frame(node.inlet).omega,
-      Vector6<Scalar>::Zero(), inlet);
+  const MatrixX<Scalar> inlet = MatrixX<Scalar>::Identity(6, 6 + n_i);
+  add_bodies<velocity>(ws.tree().inlet_mass(node.index), state.R, zero, node.inlet < 0 ? zero : ws.frame(node.inlet).omega,
+                       Vector6<Scalar>(Vector6<Scalar>::Zero()), inlet, m);
+  add_rotors<Scene{.velocity = velocity}>(node, s, state, ws, m);
+  if (implicit) {
+    for (const auto& spring : state.springs) {
+      m.Mbar.bottomRightCorner(n_i, n_i) += spring.ratio.transpose() * spring.inertia * spring.ratio;
+    }
+  }
+  m.hbar.tail(n_i) -= ws.load().segment(node.v, n_i);
 }
 
 }  // namespace detail
@@ -88,50 +110,38 @@ SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDy
   const auto& tree = ws.tree();
   assert(0 <= i && i < tree.size() && "no such subsystem");
   SubsystemMatrices<Scalar> m;
-  tree.visit(i, [&]<class N, class S>(const N& node, const S& s) {
-    constexpr int n_i = S::n_i;
+  Vector3<Scalar> r, c;
+  tree.visit(i, [&]<class S>(const Node& node, const S& s) {
     const NodeState<S>& state = ws.template node<S>(node);
-    for (const auto& S_k : state.S_k) {
-      m.frame.emplace_back(6, 6 + n_i);
-      m.frame.back() << Matrix6<Scalar>::Identity(), S_k;
-    }
-    m.F.setZero(6 + n_i, n_i);
-    m.F.bottomRows(n_i).setIdentity();
-    m.Mbar.setZero(6 + n_i, 6 + n_i);
-    m.hbar.setZero(6 + n_i);
-    m.Bbar.setZero(6 + n_i, S::n_u);
-    m.Bbar.bottomRows(n_i) = ws.Bbar().segment(node.bbar, n_i * S::n_u).reshaped(n_i, S::n_u);
+    const typename Workspace::Data& data = ws;
+    r = state.r;
+    c = state.c;
     if (fd.scene().velocity) {
-      detail::add_bodies<Scene{}, S>(node, ws, m);
-      detail::add_rotors<Scene{}, S>(node, s, ws, m);
+      detail::set_matrices<true>(node, s, state, data, fd.scene().implicit, m);
     } else {
-      detail::add_bodies<Scene{.velocity = false}, S>(node, ws, m);
-      detail::add_rotors<Scene{.velocity = false}, S>(node, s, ws, m);
+      detail::set_matrices<false>(node, s, state, data, fd.scene().implicit, m);
     }
-    if (fd.scene().implicit) {
-      for (const auto& spring : state.springs) {
-        m.Mbar.bottomRightCorner(n_i, n_i) += spring.ratio.transpose() * spring.inertia * spring.ratio;
-      }
-    }
-    m.hbar.tail(n_i) -= ws.load().segment(node.v, n_i);
-    if (fd.scene().gravity) { m.hbar -= m.Mbar.leftCols(3) * tree.gravity(); }
-
-    m.T_ip.setZero(6 + n_i, 0);
-    m.T_ip_dot_V_p.setZero(6 + n_i);
-    if (node.inlet < 0) { return; }
-    tree.visit(node.parent, [&]<class M, class P>(const M& parent, const P&) {
-      Matrix6<Scalar> X = Matrix6<Scalar>::Identity();
-      X.template topRightCorner<3, 3>() = -skew(state.r);
-      m.T_ip.setZero(6 + n_i, 6 + P::n_i);
-      m.T_ip.template topLeftCorner<6, 6>() = X;
-      m.T_ip.topRightCorner(6, P::n_i) =
-          X * ws.template node<P>(parent).S_k[static_cast<std::size_t>(node.inlet - parent.frame)];
-      if (fd.scene().velocity) {
-        m.T_ip_dot_V_p.head(6) = X * ws.frame(node.inlet).bias;
-        m.T_ip_dot_V_p.head(3) += state.c;
-      }
-    });
   });
+  if (fd.scene().gravity) { m.hbar -= m.Mbar.leftCols(3) * tree.gravity(); }
+
+  const Node& node = tree.node(i);
+  const Index size = m.F.rows();
+  m.T_ip.setZero(size, 0);
+  m.T_ip_dot_V_p.setZero(size);
+  if (node.inlet < 0) { return m; }
+  MatrixX<Scalar> S_p;
+  tree.visit(node.parent, [&]<class P>(const Node& parent, const P&) {
+    S_p = ws.template node<P>(parent).S_k[static_cast<std::size_t>(node.inlet - parent.frame)];
+  });
+  Matrix6<Scalar> X = Matrix6<Scalar>::Identity();
+  X.template topRightCorner<3, 3>() = -skew(r);
+  m.T_ip.setZero(size, 6 + S_p.cols());
+  m.T_ip.template topLeftCorner<6, 6>() = X;
+  m.T_ip.topRightCorner(6, S_p.cols()) = X * S_p;
+  if (fd.scene().velocity) {
+    m.T_ip_dot_V_p.head(6) = X * ws.frame(node.inlet).bias;
+    m.T_ip_dot_V_p.head(3) += c;
+  }
   return m;
 }
 
