@@ -26,7 +26,7 @@ packages are named for you to install). With nothing missing, neither root nor n
 Environment
   CXX                         the compiler; else the first of c++, g++, clang++ … that is new enough (g++ 12, clang++ 14)
   CXXFLAGS                    further compiler flags
-  IIM_PRESET                  test: one of CMakePresets.json (test, gcc, clang, asan-ubsan, debug, release)
+  IIM_PRESET                  test: one of CMakePresets.json (test, gcc, clang, clang-others, asan-ubsan, debug, release)
   IIM_NO_INSTALL=1            install nothing, look for nothing: CMake will say what it does not find
   CMAKE_BUILD_PARALLEL_LEVEL  how many compilers at a time
 TEXT
@@ -232,9 +232,9 @@ prepare() {  # prepare VERB
 
 # --- the verbs ------------------------------------------------------------------------------------------------------
 
-jobs() {  # one compiler per core, and 1.5 GB for each
+jobs() {  # one compiler per core, and 2.5 GB for each
   cores=$(getconf _NPROCESSORS_ONLN 2> /dev/null || echo 1)
-  memory=$(awk '/^MemAvailable/ { print int($2 / 1500000) }' /proc/meminfo 2> /dev/null || true)
+  memory=$(awk '/^MemAvailable/ { print int($2 / 2500000) }' /proc/meminfo 2> /dev/null || true)
   if [ -n "$memory" ] && [ "$memory" -lt "$cores" ]; then cores=$memory; fi
   [ "$cores" -ge 1 ] || cores=1
   echo "$cores"

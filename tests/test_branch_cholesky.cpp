@@ -1,3 +1,4 @@
+// PROGRAM: tests_matrices
 // The factorisation M = LᵀL of random robots: its product, its solutions, and what it says of a singular matrix.
 #include <iim/branch_cholesky.hpp>
 #include <iim/equations_of_motion.hpp>
@@ -11,6 +12,8 @@
 #include <iostream>
 #include <type_traits>
 #include <vector>
+
+namespace test_branch_cholesky {
 
 using namespace iim;
 
@@ -108,3 +111,5 @@ TEST_CASE("a matrix that is not positive definite is found at its velocity")
     CHECK(cholesky.factorise(M) == bad);
   }
 }
+
+}  // namespace test_branch_cholesky

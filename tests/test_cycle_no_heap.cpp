@@ -1,8 +1,11 @@
+// PROGRAM: tests_no_heap
 // Nothing in the cycle allocates, frees or throws, whatever the method: trees read at run time.
 #include "cycle.hpp"
 
 #include <cstdlib>
 #include <type_traits>
+
+namespace test_cycle_no_heap {
 
 using namespace iim;
 using namespace iim::test;
@@ -112,3 +115,5 @@ TEST_CASE("a matrix that is not positive definite is a status, not an exception"
   CHECK(found_sparse);  // by Cholesky itself: no O(n) pass before it
   CHECK(found_dense);
 }
+
+}  // namespace test_cycle_no_heap

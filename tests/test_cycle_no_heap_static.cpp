@@ -1,5 +1,8 @@
+// PROGRAM: tests_no_heap
 // Nothing in the cycle allocates or throws: a tree that stands in the type.
 #include "cycle.hpp"
+
+namespace test_cycle_no_heap_static {
 
 using namespace iim;
 using namespace iim::test;
@@ -24,3 +27,5 @@ TEST_CASE("nothing allocates or throws in the cycle of a static tree")
   check_forward_dynamics(tree, inputs, ws);
   check_workspace_methods(tree, inputs, ws);
 }
+
+}  // namespace test_cycle_no_heap_static

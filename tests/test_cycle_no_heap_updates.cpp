@@ -1,7 +1,10 @@
+// PROGRAM: tests_no_heap
 // Nothing in the cycle allocates or throws: the other updates of M̄*.
 #include "cycle.hpp"
 
 #include <type_traits>
+
+namespace test_cycle_no_heap_updates {
 
 using namespace iim;
 using namespace iim::test;
@@ -23,3 +26,5 @@ void check()
 
 TEST_CASE("nothing allocates or throws with the update as printed") { check<Update::printed>(); }
 TEST_CASE("nothing allocates or throws with the square-root update") { check<Update::square_root>(); }
+
+}  // namespace test_cycle_no_heap_updates

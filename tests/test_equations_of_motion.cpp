@@ -1,3 +1,4 @@
+// PROGRAM: tests_matrices
 // M, h and B of random robots against energy, power and differences of positions, which share no formula with them.
 // In long double, where a difference quotient leaves 13 digits.
 #include <iim/equations_of_motion.hpp>
@@ -12,6 +13,8 @@
 #include <iostream>
 #include <type_traits>
 #include <vector>
+
+namespace test_equations_of_motion {
 
 using namespace iim;
 
@@ -285,3 +288,5 @@ TEST_CASE("B is the power of the inputs")
   CHECK(columns > 300);
   CHECK(worst < tolerance);
 }
+
+}  // namespace test_equations_of_motion

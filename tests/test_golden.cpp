@@ -1,10 +1,13 @@
 // REQUIRES: json
+// PROGRAM: tests_golden
 // Implicit inversion against values that share no formula with it, on all models and states.
 #include "golden.hpp"
 
 #include <iim/iim.hpp>
 
 #include <variant>
+
+namespace test_golden {
 
 using namespace iim;
 using namespace iim::test;
@@ -47,3 +50,5 @@ TEST_CASE("a mass that is wrong in the tenth digit is seen by the comparison")
   }
   CHECK(worst(wrong).Bhat > 10 * golden_bound);
 }
+
+}  // namespace test_golden

@@ -1,4 +1,5 @@
 // REQUIRES: json
+// PROGRAM: tests_golden
 // Every other method against values that share no formula with it, on all models and states.
 #include "golden.hpp"
 
@@ -6,6 +7,8 @@
 #include <iim/iim.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/unit_force.hpp>
+
+namespace test_golden_methods {
 
 using namespace iim;
 using namespace iim::test;
@@ -45,3 +48,5 @@ TEST_CASE("global inverses agree with the golden values")
 }
 
 TEST_CASE("the recursive inverse agrees with the golden values") { check<RecursiveInverse<GoldenTree>>("recursive"); }
+
+}  // namespace test_golden_methods

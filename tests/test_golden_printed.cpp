@@ -1,8 +1,11 @@
 // REQUIRES: json
+// PROGRAM: tests_golden
 // Implicit inversion on the other forms of M̄*'s update against values that share no formula with it.
 #include "golden.hpp"
 
 #include <iim/iim.hpp>
+
+namespace test_golden_printed {
 
 using namespace iim;
 using namespace iim::test;
@@ -44,3 +47,5 @@ TEST_CASE("implicit inversion in square-root form agrees with the golden values"
     CHECK(error.columns <= few);
   }
 }
+
+}  // namespace test_golden_printed

@@ -1,4 +1,5 @@
 // REQUIRES: urdf json
+// PROGRAM: tests_golden
 // The robots of IIM_SHARED_DIR/robots: every file loads, and those with golden values agree with them.
 #include "golden.hpp"
 
@@ -8,6 +9,8 @@
 #include <filesystem>
 #include <map>
 #include <string>
+
+namespace test_golden_urdf {
 
 using namespace iim;
 using namespace iim::test;
@@ -78,3 +81,5 @@ TEST_CASE("every robot of the folder loads on a fixed and on a floating base")
   }
   CHECK(files >= 4);
 }
+
+}  // namespace test_golden_urdf

@@ -1,3 +1,4 @@
+// PROGRAM: tests_methods
 // Blocks of columns: their order, their switching, and what they mean.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -5,6 +6,8 @@
 #include <limits>
 #include <utility>
 #include <vector>
+
+namespace test_inputs {
 
 using namespace iim;
 using test::Vec3;
@@ -137,3 +140,5 @@ TEST_CASE("a method follows inputs that others are assigned to, however often ei
   CHECK((without_second.col(0) - Bhat.col(0)).norm() <= 64 * eps * Bhat.norm());
   CHECK((without_second.rightCols(3) - Bhat.rightCols(3)).norm() <= 64 * eps * Bhat.norm());
 }
+
+}  // namespace test_inputs

@@ -1,3 +1,4 @@
+// PROGRAM: tests_methods
 // Laws of q̈ = q̈₀ + B̂u that hold whatever the formulas: superposition, order, place in the world, symmetry, limits.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -9,6 +10,8 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+namespace test_law {
 
 using namespace iim;
 using test::RandomRobot;
@@ -324,3 +327,5 @@ TEST_CASE("a scene without velocity or gravity is the full one at zero", "[law]"
     CHECK(apart(falling, drifting) < 64 * eps);
   }
 }
+
+}  // namespace test_law

@@ -1,3 +1,4 @@
+// PROGRAM: tests_parallel
 // The square-root form where a free base carries one limb that is much heavier: the base moves almost freely as the limb's
 // first joint does, and what inputs beyond that joint do must not drown in it.
 #include "catch.hpp"
@@ -12,6 +13,8 @@
 #include <string>
 #include <type_traits>
 #include <vector>
+
+namespace test_limb_on_light_base {
 
 using namespace iim;
 
@@ -175,3 +178,5 @@ TEST_CASE("a tiny geared arm that its rotor all but locks to a free base keeps t
     }
   }
 }
+
+}  // namespace test_limb_on_light_base

@@ -1,3 +1,4 @@
+// PROGRAM: tests_methods
 // All input-Jacobian methods give the same B̂ and q̈₀: 10⁴ random robots of all types, random states and inputs.
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>
@@ -11,6 +12,8 @@
 #include <cstdint>
 #include <iostream>
 #include <string>
+
+namespace test_methods_agree {
 
 using namespace iim;
 
@@ -126,3 +129,5 @@ TEST_CASE("all methods agree on random robots")
   CHECK(velocities > 30 * robots);
   CHECK(columns > 15 * robots);
 }
+
+}  // namespace test_methods_agree

@@ -1,3 +1,4 @@
+// PROGRAM: tests_mechanisms
 // The methods agree where floating bases hang on moving parts: their coordinates are relative, and nothing passes on.
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>
@@ -11,6 +12,8 @@
 #include <cstdint>
 #include <iostream>
 #include <type_traits>
+
+namespace test_methods_floating_inside {
 
 using namespace iim;
 
@@ -70,3 +73,5 @@ TEST_CASE("the methods agree on floating bases inside a tree")
   CHECK(recursive_worst <= recursive_tolerance);
   CHECK(global_worst <= cholesky_tolerance);
 }
+
+}  // namespace test_methods_floating_inside

@@ -1,7 +1,10 @@
+// PROGRAM: tests_static
 // The methods agree on a tree that stands in the type.
 #include "mechanism.hpp"
 
 #include <iostream>
+
+namespace test_methods_static {
 
 using namespace iim;
 using namespace iim::test;
@@ -25,3 +28,5 @@ TEST_CASE("the methods agree on a static tree with a mechanism of three frames")
     compare<Update::projected>(tree, random);
   }
 }
+
+}  // namespace test_methods_static

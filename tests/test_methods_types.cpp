@@ -1,7 +1,10 @@
+// PROGRAM: tests_mechanisms
 // The methods agree on subsystems that the library does not have itself.
 #include "mechanism.hpp"
 
 #include <iostream>
+
+namespace test_methods_types {
 
 using namespace iim;
 using namespace iim::test;
@@ -48,3 +51,5 @@ TEST_CASE("the mechanism's bias is the acceleration that its motion has")
     CHECK((rate - bias).norm() < 1e-9);  // t² and ε/t, both about 1e-10
   }
 }
+
+}  // namespace test_methods_types

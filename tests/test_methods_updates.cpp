@@ -1,7 +1,10 @@
+// PROGRAM: tests_mechanisms
 // The methods agree with the other updates of M̄* too, and the global inverse, which owes them nothing, does not change.
 #include "mechanism.hpp"
 
 #include <iostream>
+
+namespace test_methods_updates {
 
 using namespace iim;
 using namespace iim::test;
@@ -18,3 +21,5 @@ TEST_CASE("the methods agree on a mechanism of three frames, printed and square 
     CHECK(compare<Update::square_root>(tree, same) == printed);
   }
 }
+
+}  // namespace test_methods_updates

@@ -1,3 +1,4 @@
+// PROGRAM: tests_parallel
 // Chains about one direction oblique to the world's axes: as accurate as along a world axis.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -8,6 +9,8 @@
 #include <limits>
 #include <string>
 #include <utility>
+
+namespace test_parallel_axes {
 
 using namespace iim;
 
@@ -90,3 +93,5 @@ TEST_CASE("axes turn only where they must")
   CHECK_FALSE(turned(50, upright));
   CHECK_FALSE(turned(3, oblique));
 }
+
+}  // namespace test_parallel_axes

@@ -1,3 +1,4 @@
+// PROGRAM: tests_parallel
 // Groups of parallel joints in axes of their own: the same mechanics for whatever else hangs on them and between them.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -7,6 +8,8 @@
 #include <cstdint>
 #include <string>
 #include <utility>
+
+namespace test_parallel_groups {
 
 using namespace iim;
 
@@ -94,3 +97,5 @@ TEST_CASE("groups of parallel joints: the same accelerations in turned axes, wit
     }
   }
 }
+
+}  // namespace test_parallel_groups

@@ -1,3 +1,4 @@
+// PROGRAM: tests_light_base
 // The square-root form where a small rotor meets heavy links: what the heavy ones push on each other stays among them.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -7,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+namespace test_rotor_on_light_base {
 
 using namespace iim;
 
@@ -96,3 +99,5 @@ TEST_CASE("the moment of a fast rotor on a base of 1e-3 to 1e-9 of its mass keep
     CHECK(worst_error<float>(load, light_slide_with_rotor) < 64);
   }
 }
+
+}  // namespace test_rotor_on_light_base

@@ -1,9 +1,12 @@
+// PROGRAM: tests_counts
 // A Scalar that counts its operations: what a scene costs is a number, and what it does not need costs nothing.
 #include "catch.hpp"
 #include "counted.hpp"
 #include "random_tree.hpp"
 
 #include <iim/models.hpp>
+
+namespace test_scalar_counting {
 
 using namespace iim;
 
@@ -103,3 +106,5 @@ TEST_CASE("a branch without inputs costs B̂ no product of columns", "[scalar]")
   Scenario chain(models::chain<Counted>(31), true, 0);
   CHECK(tree.invert() * 2 < chain.invert());
 }
+
+}  // namespace test_scalar_counting

@@ -1,3 +1,4 @@
+// PROGRAM: tests_counts
 // What every scene costs, in products: the numbers are held, so that nothing that a scene leaves out creeps back in.
 #include "catch.hpp"
 #include "counted.hpp"
@@ -9,6 +10,8 @@
 #include <cstdio>
 #include <string>
 #include <vector>
+
+namespace test_scene_counts {
 
 using namespace iim;
 using test::Counted;
@@ -121,3 +124,5 @@ TEST_CASE("what task rows cost beside B̂")
   hold("centre of mass", rows([](auto& t) { t.add_com(); }), 6284);
   CHECK(rows([](auto& t) { t.set_active(t.add_com(), false); }) == 0);
 }
+
+}  // namespace test_scene_counts

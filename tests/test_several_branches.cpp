@@ -1,3 +1,4 @@
+// PROGRAM: tests_several
 // A subsystem that decides by its state: several states at once are right in every lane, whichever way the lanes go.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -7,6 +8,8 @@
 #include <limits>
 #include <type_traits>
 #include <vector>
+
+namespace test_several_branches {
 
 using namespace iim;
 
@@ -103,3 +106,5 @@ TEST_CASE("a branch by the state is right in every lane", "[several]")
   for (int round = 0; round < 20; ++round) { check(several, random(-1, 1), qd, u); }
   CHECK(check(several, random(-1, 0.29), qd, u) == 0);  // the mark of the round before is gone
 }
+
+}  // namespace test_several_branches

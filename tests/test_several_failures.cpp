@@ -1,9 +1,12 @@
+// PROGRAM: tests_several
 // Several states at once: a state without a result has the status and the subsystem of the single-state path, and the
 // states beside it in its pack are what they would be without it. Contacts that come and go. No heap in the cycle.
 #include "cycle.hpp"
 #include "several_states.hpp"
 
 #include <limits>
+
+namespace test_several_failures {
 
 using namespace iim;
 
@@ -120,3 +123,5 @@ TEST_CASE("several states in the cycle: contacts come and go, no heap, nothing t
   }
   CHECK(robot.inputs.columns() == all);
 }
+
+}  // namespace test_several_failures

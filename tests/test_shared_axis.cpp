@@ -1,3 +1,4 @@
+// PROGRAM: tests_light_base
 // Square-root form on axes that nearly or exactly coincide: what a joint undoes of its parent's motion does not cost digits,
 // whatever the type of the two joints, in q̈ with and without inputs and in every method that is built on the workspace.
 #include "catch.hpp"
@@ -12,6 +13,8 @@
 #include <cstdio>
 #include <string>
 #include <utility>
+
+namespace test_shared_axis {
 
 namespace {
 
@@ -168,3 +171,5 @@ TEST_CASE("square-root form keeps its digits on axes that nearly coincide")
     check<float>(pairs(c.outer, c.inner, apart), c.name, c.bound);
   }
 }
+
+}  // namespace test_shared_axis

@@ -1,3 +1,4 @@
+// PROGRAM: tests_static
 // A tree in the C++ type computes what the same tree read at run time computes.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -5,6 +6,8 @@
 #include <limits>
 #include <string>
 #include <utility>
+
+namespace test_static_tree {
 
 using namespace iim;
 using Catch::Matchers::ContainsSubstring;
@@ -117,3 +120,5 @@ TEST_CASE("a tree of the wrong shape is an exception that names the subsystem", 
   using Swapped = StaticTree<On<-1, Arm>, On<0, Revolute1>, On<1, Revolute1>, On<2, Rigid>, On<3, Arm>>;
   CHECK_THAT(message([] { Swapped{mixed_arm()}; }), ContainsSubstring("'c'"));
 }
+
+}  // namespace test_static_tree

@@ -1,9 +1,12 @@
+// PROGRAM: tests_static
 // The paper's biped as a type and as read at run time.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
 #include <iim/models.hpp>
 #include <limits>
+
+namespace test_static_tree_biped {
 
 using namespace iim;
 
@@ -41,3 +44,5 @@ TEST_CASE("the biped as a type is the biped at run time", "[static]")
     CHECK((a.Bhat - b.Bhat).norm() <= tolerance * b.Bhat.norm());
   }
 }
+
+}  // namespace test_static_tree_biped

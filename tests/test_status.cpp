@@ -1,3 +1,4 @@
+// PROGRAM: tests_methods
 // In the cycle nothing throws: what cannot be computed comes back as a status with the subsystem, results are NaN, and the
 // next good state computes as if nothing had been.
 #include "catch.hpp"
@@ -6,6 +7,8 @@
 #include <limits>
 #include <string>
 #include <utility>
+
+namespace test_status {
 
 using namespace iim;
 using test::Vec3;
@@ -214,3 +217,5 @@ TEST_CASE("a workspace that failed is as good as new", "[status]")
     CHECK(a.Bhat == b.Bhat);
   }
 }
+
+}  // namespace test_status

@@ -1,3 +1,4 @@
+// PROGRAM: tests_light_base
 // Where a pivot is told from its roundings: what must be refused, and what only looks as if.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -11,6 +12,8 @@
 #include <optional>
 #include <string>
 #include <utility>
+
+namespace test_status_sizes {
 
 using namespace iim;
 
@@ -124,3 +127,5 @@ TEST_CASE("square-root form: a base without mass on one limb is refused, a base 
     CHECK(square_root_status<float>(light, random) == Status::ok);
   }
 }
+
+}  // namespace test_status_sizes

@@ -1,3 +1,4 @@
+// PROGRAM: tests_task
 // Task rows (3) on random robots: V̇_t = J_t B̂ u + V̇_t0 against accelerations of another pass, momentum balance,
 // switching, bad names. What J_t and J̇_t q̇ are is held against kinematics in test_task_kinematics.cpp.
 #include "catch.hpp"
@@ -7,6 +8,8 @@
 #include <iim/task.hpp>
 
 #include <limits>
+
+namespace test_task {
 
 using namespace iim;
 using namespace iim::test;
@@ -230,3 +233,5 @@ TEST_CASE("tasks say what is wrong with them", "[task]")
   REQUIRE_THROWS_WITH(none.add_com(), ContainsSubstring("centre of mass"));
   REQUIRE_THROWS_WITH(none.add_momentum(), ContainsSubstring("momentum"));
 }
+
+}  // namespace test_task

@@ -1,3 +1,4 @@
+// PROGRAM: tests_task
 // What J_t and J̇_t q̇ are: derivatives along a motion, on random robots, by differences in long double.
 //
 // The motion: all q̇ constant, which for a floating base is a screw motion. Positions come from a forward kinematics
@@ -13,6 +14,8 @@
 #include <limits>
 #include <map>
 #include <vector>
+
+namespace test_task_kinematics {
 
 using namespace iim;
 using namespace iim::test;
@@ -244,3 +247,5 @@ TEST_CASE("task rows are the derivatives of positions and momenta", "[task]")
     REQUIRE((Jdot_qd - acceleration).norm() <= 100 * rate_error);
   }
 }
+
+}  // namespace test_task_kinematics

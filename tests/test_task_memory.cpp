@@ -1,3 +1,4 @@
+// PROGRAM: tests_task
 // Tasks in the cycle: no allocation and no exception while tasks and inputs are switched and a bad state passes by; and
 // the same rows from the other updates of M̄*.
 #include <iim/iim.hpp>
@@ -10,6 +11,8 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+
+namespace test_task_memory {
 
 using namespace iim;
 using namespace iim::test;
@@ -112,3 +115,5 @@ TEST_CASE("task rows do not depend on how M̄* is reduced", "[task]")
   REQUIRE((rows.Jdot_qd - other.Jdot_qd).norm() <= 20 * eps * rows.Jdot_qd.norm());
   REQUIRE((rows.Vdot0 - other.Vdot0).norm() <= 1000 * eps * rows.Vdot0.norm());
 }
+
+}  // namespace test_task_memory

@@ -1,3 +1,4 @@
+// PROGRAM: tests_task
 // Task rows on a tree that stands in the type, and in scenes without velocity or gravity.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -5,6 +6,8 @@
 #include <iim/task.hpp>
 
 #include <limits>
+
+namespace test_task_static {
 
 using namespace iim;
 using namespace iim::test;
@@ -111,3 +114,5 @@ TEST_CASE("task rows of a scene without velocity or gravity", "[task]")
                  rows_in<Scene{}>(floating, state.q, state.qd, point, weightless));
   }
 }
+
+}  // namespace test_task_static

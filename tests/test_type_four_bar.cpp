@@ -1,8 +1,11 @@
+// PROGRAM: tests_loops
 // Four-bar and parallelogram: Newton against the closed form; the cut tree with Lagrange multipliers.
 #include "catch.hpp"
 #include "type_robots.hpp"
 
 #include <iim/subsystem/four_bar.hpp>
+
+namespace test_type_four_bar {
 
 using namespace iim;
 using namespace iim::test;
@@ -179,3 +182,5 @@ TEST_CASE("A four-bar is a cut tree with Lagrange multipliers; a parallelogram i
     }
   }
 }
+
+}  // namespace test_type_four_bar

@@ -1,3 +1,4 @@
+// PROGRAM: tests_loops
 // What a loop cannot do comes back as a status: of the closure itself, and of the cycle for each mechanism with a loop.
 #include "catch.hpp"
 #include "type_robots.hpp"
@@ -5,6 +6,8 @@
 #include <iim/subsystem/four_bar.hpp>
 #include <iim/subsystem/parallel_ankle.hpp>
 #include <iim/subsystem/slider_crank.hpp>
+
+namespace test_type_loop_status {
 
 using namespace iim;
 using namespace iim::test;
@@ -137,3 +140,5 @@ TEST_CASE("A parallel ankle refuses what a rod cannot reach, and a rod in line w
   answers(ankle, {{tilt(0.2, 0.1), true}, {tilt(out - 0.1, 0), false}, {tilt(out, 0), false}, {tilt(out + 0.01, 0), true},
                   {tilt(0.2, 0.1), true}});
 }
+
+}  // namespace test_type_loop_status

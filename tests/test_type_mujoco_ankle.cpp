@@ -1,9 +1,12 @@
 // REQUIRES: mujoco
+// PROGRAM: tests_mujoco
 // Parallel ankle and MuJoCo: rods and rotors as bodies of their own, held by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
 
 #include <iim/subsystem/parallel_ankle.hpp>
+
+namespace test_type_mujoco_ankle {
 
 using namespace iim;
 using namespace iim::test;
@@ -120,3 +123,5 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
   // The condition number of M with rods and rotors that are light is up to 1e5.
   CHECK(worst < 1e5 * eps);
 }
+
+}  // namespace test_type_mujoco_ankle

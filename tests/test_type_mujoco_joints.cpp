@@ -1,9 +1,12 @@
 // REQUIRES: mujoco
+// PROGRAM: tests_mujoco
 // Joints and MuJoCo: its hinge, slide, ball and free joints, one after the other on one body where ours are one.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
 
 #include <iim/subsystem/joint_more.hpp>
+
+namespace test_type_mujoco_joints {
 
 using namespace iim;
 using namespace iim::test;
@@ -117,3 +120,5 @@ TEST_CASE("A helical joint is MuJoCo's hinge and slide with a joint constraint; 
   ball.body = body;
   CHECK(difference(random, ball, {{"ball"}}) < tolerance);
 }
+
+}  // namespace test_type_mujoco_joints

@@ -1,10 +1,13 @@
 // REQUIRES: mujoco
+// PROGRAM: tests_mujoco
 // Plane loops and MuJoCo: four-bar and slider-crank as cut trees, closed by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
 
 #include <iim/subsystem/four_bar.hpp>
 #include <iim/subsystem/slider_crank.hpp>
+
+namespace test_type_mujoco_loops {
 
 using namespace iim;
 using namespace iim::test;
@@ -178,3 +181,5 @@ TEST_CASE("An actuated lever is what MuJoCo has for lever, cylinder and piston w
   INFO("largest difference " << worst);
   CHECK(worst < tolerance);
 }
+
+}  // namespace test_type_mujoco_loops

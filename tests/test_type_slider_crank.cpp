@@ -1,8 +1,11 @@
+// PROGRAM: tests_loops
 // Slider-crank and actuated lever: the cut tree with Lagrange multipliers, and what they refuse.
 #include "catch.hpp"
 #include "type_robots.hpp"
 
 #include <iim/subsystem/slider_crank.hpp>
+
+namespace test_type_slider_crank {
 
 using namespace iim;
 using namespace iim::test;
@@ -157,3 +160,5 @@ TEST_CASE("A slider-crank is a cut tree with Lagrange multipliers, and refuses w
   short_rod.rod = -1;
   CHECK_THROWS_WITH(short_rod.prepare("knee"), Catch::Matchers::ContainsSubstring("knee: rod must be positive"));
 }
+
+}  // namespace test_type_slider_crank

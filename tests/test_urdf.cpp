@@ -1,4 +1,5 @@
 // REQUIRES: urdf
+// PROGRAM: tests_urdf
 // What a URDF file becomes: joints of every type, merged links, bases, frames. Numbers by hand.
 #include "catch.hpp"
 
@@ -10,6 +11,8 @@
 #include <string>
 #include <variant>
 #include <vector>
+
+namespace test_urdf {
 
 using namespace iim;
 
@@ -280,3 +283,5 @@ TEST_CASE("robots of other scalars")
   CHECK(parse_urdf<float>(text).tree().placement(0).p.z() == 0.1f);
   CHECK(parse_urdf<long double>(text).tree().placement(0).p.z() == static_cast<long double>(0.1));
 }
+
+}  // namespace test_urdf

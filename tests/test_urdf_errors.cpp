@@ -1,4 +1,5 @@
 // REQUIRES: urdf
+// PROGRAM: tests_urdf
 // What is wrong with a URDF file is said with its line, the item and the value, and only there: nothing on stderr.
 #include "catch.hpp"
 
@@ -8,6 +9,8 @@
 
 #include <string>
 #include <vector>
+
+namespace test_urdf_errors {
 
 using namespace iim;
 
@@ -277,3 +280,5 @@ TEST_CASE("urdfdom's words stay in the exception, and its outlet is given back")
   CHECK(mine.heard == 1);
   console_bridge::restorePreviousOutputHandler();
 }
+
+}  // namespace test_urdf_errors

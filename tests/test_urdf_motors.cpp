@@ -1,4 +1,5 @@
 // REQUIRES: urdf
+// PROGRAM: tests_urdf
 // Motors of a URDF robot: from <transmission> in its dialects, from a side argument, and what a contained rotor is
 // worth.
 #include "catch.hpp"
@@ -9,6 +10,8 @@
 #include <limits>
 #include <string>
 #include <variant>
+
+namespace test_urdf_motors {
 
 using namespace iim;
 
@@ -151,3 +154,5 @@ TEST_CASE("a rotor that the links contain is taken out of the link that carries 
   const auto armature = parse_urdf<double>(arm(""), options);
   CHECK(part<MotorArm<double>>(armature, "a").body.inertia.diagonal() == Vector3<double>(0.01, 0.02, 0.025));
 }
+
+}  // namespace test_urdf_motors

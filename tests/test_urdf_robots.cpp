@@ -1,4 +1,5 @@
 // REQUIRES: urdf
+// PROGRAM: tests_urdf
 // The two robots that come with the library: the biped's file is the biped of iim/models.hpp, the arm has its motors.
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -17,6 +18,8 @@
 #ifndef IIM_EXAMPLES_DIR
 #define IIM_EXAMPLES_DIR "examples"
 #endif
+
+namespace test_urdf_robots {
 
 using namespace iim;
 
@@ -126,3 +129,5 @@ TEST_CASE("the arm's file has seven joints with gears and rotors, and a gripper 
   CHECK(tree.frame("tool").subsystem == 6);
   CHECK(tree.frame("tool").at.p.isApprox(Vector3<double>(0, 0, 0.15), 4 * eps));
 }
+
+}  // namespace test_urdf_robots
