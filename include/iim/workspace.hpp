@@ -70,8 +70,8 @@ struct NodeState {
 namespace detail {
 
 /// What of a workspace depends on Scalar and update alone: all but what each type of subsystem keeps. The steps of the O(n)
-/// pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (laws of three types: 58
-/// s instead of 70 s).
+/// pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (with what else depends
+/// on Scalar alone: laws of three types in 31 % less time).
 template <class Scalar_, Update update_>
 class WorkspaceData {
 public:
