@@ -80,7 +80,7 @@ public:
       });
     }
     for (const Node& node : tree.nodes()) {
-      const Index end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
+      const Index end = node.v + tree.velocities(node.index);
       subsystems_.push_back({node.v, end, node.path_v, node.subtree_end, limb_paths[at(limbs.limb_of(node.index))]});
       subsystem_of_.insert(subsystem_of_.end(), static_cast<std::size_t>(end - node.v), node.index);
     }

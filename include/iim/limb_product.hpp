@@ -106,8 +106,8 @@ public:
   LimbProduct(const TreeData<Scalar>& tree, Index) : limbs_(tree)
   {
     for (const Node& node : tree.nodes()) {
-      const Index own_end = node.index + 1 < tree.size() ? tree.node(node.index + 1).v : tree.n_v();
-      path_end_.insert(path_end_.end(), at(own_end - node.v), node.path_v + own_end - node.v);
+      const Index own = tree.velocities(node.index);
+      path_end_.insert(path_end_.end(), at(own), node.path_v + own);
       if (limbs_.limb_of(node.index) == static_cast<Index>(subtrees_.size())) {
         subtrees_.push_back({node.index, node.subtree_end, 0, 0});
       }

@@ -89,9 +89,8 @@ protected:
     scaled_.clear();
     projections_.clear();
     const Index stride = column_stride<Scalar>(tree_->n_v());
-    const auto own_of = [&](const Node& node) { return tree_->velocities(node.index); };
     for (const Node& node : tree_->nodes()) {
-      const Index own = own_of(node);
+      const Index own = tree_->velocities(node.index);
       Step& step = steps_[at(node.index)];
       first_column_[at(node.index)] = static_cast<Index>(columns_.size());
       step.projections = projections_.size();
@@ -113,14 +112,14 @@ protected:
     for (const Node& node : tree_->nodes()) {
       const bool reached = is_reached(node);
       Step& step = steps_[at(node.index)];
-      step.own = reached ? own_of(node) : 0;
+      step.own = reached ? tree_->velocities(node.index) : 0;
       step.L = node.v * depth_;
       step.inlet = node.inlet < 0 ? 0 : H_of_frame_[at(node.inlet)];
       step.frame = H_of_frame_[at(node.frame)];
       step.own_from = reached ? node.path_v / lanes * lanes : depth_;
       const bool guided = node.parent < 0 || is_reached(tree_->node(node.parent));
       step.needed = guided ? Index(node.path_v) : steps_[at(node.parent)].needed;
-      for (Index v = node.v; v < node.v + own_of(node); ++v) {
+      for (Index v = node.v; v < node.v + tree_->velocities(node.index); ++v) {
         Index& end = row_end_[at(v)];
         const Index was = end;
         end = padded<Scalar>(step.needed + step.own);
