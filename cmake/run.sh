@@ -232,9 +232,9 @@ prepare() {  # prepare VERB
 
 # --- the verbs ------------------------------------------------------------------------------------------------------
 
-jobs() {  # one compiler per core, and 2.5 GB for each
+jobs() {  # one compiler per core, and 3 GB for each
   cores=$(getconf _NPROCESSORS_ONLN 2> /dev/null || echo 1)
-  memory=$(awk '/^MemAvailable/ { print int($2 / 2500000) }' /proc/meminfo 2> /dev/null || true)
+  memory=$(awk '/^MemAvailable/ { print int($2 / 3000000) }' /proc/meminfo 2> /dev/null || true)
   if [ -n "$memory" ] && [ "$memory" -lt "$cores" ]; then cores=$memory; fi
   [ "$cores" -ge 1 ] || cores=1
   echo "$cores"
