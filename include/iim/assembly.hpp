@@ -168,8 +168,15 @@ private:
       throw ModelError("'" + name + "': the coupling point's placement must be finite, got R = " +
                        detail::to_text(on.R) + ", p = " + detail::to_text(on.p));
     }
-    const Matrix3<Scalar> error = on.R * on.R.transpose() - Matrix3<Scalar>::Identity();
-    if (!(detail::to_double(Scalar(error.squaredNorm())) < 1e-12) || !(on.R.determinant() > Scalar(0))) {
+    Scalar error(0);
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        const Scalar e = dot(detail::column(on.R, i), detail::column(on.R, j)) - Scalar(i == j ? 1 : 0);
+        error += e * e;
+      }
+    }
+    const Scalar volume = dot(detail::column(on.R, 0), cross(detail::column(on.R, 1), detail::column(on.R, 2)));
+    if (!(detail::to_double(error) < 1e-12) || !(volume > Scalar(0))) {
       throw ModelError("'" + name + "': the coupling point's R must be a rotation, got " + detail::to_text(on.R));
     }
   }

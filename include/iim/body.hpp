@@ -4,8 +4,8 @@
 #include <iim/errors.hpp>
 #include <iim/spatial.hpp>
 
-#include <Eigen/Eigenvalues>
-
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace iim {
@@ -48,9 +48,12 @@ struct Body {
   Body placed(const Placement<Scalar>& at) const
   {
     Body body = *this;
-    body.com = at.R * com + at.p;
-    const Matrix3<Scalar> turned = at.R * inertia * at.R.transpose();
-    body.inertia = (turned + turned.transpose()) * Scalar(0.5);  // symmetric to the last bit
+    body.com = detail::times(at.R, com);
+    detail::add(body.com, at.p);
+    const Matrix3<Scalar> turned = detail::turned(at.R, inertia);
+    for (int i = 0; i < 3; ++i) {  // symmetric to the last bit
+      for (int j = 0; j < 3; ++j) { body.inertia(i, j) = (turned(i, j) + turned(j, i)) * Scalar(0.5); }
+    }
     return body;
   }
 
@@ -80,19 +83,39 @@ struct FrameMass {
       central_inertia = body.inertia;
     } else {
       // Only sums of non-negative terms: a small part on a large one keeps its digits.
-      const Vector3<Scalar> apart = body.com - com;
       const Scalar total = mass + body.mass;
-      const Matrix3<Scalar> d = skew(apart);
-      central_inertia += body.inertia - (mass * body.mass / total) * (d * d);
-      com += (body.mass / total) * apart;
+      Vector3<Scalar> apart;
+      for (int i = 0; i < 3; ++i) {
+        apart(i) = body.com(i) - com(i);
+        com(i) += (body.mass / total) * apart(i);
+      }
+      for (int k = 0; k < 9; ++k) { central_inertia.data()[k] += body.inertia.data()[k]; }
+      detail::add_point<Scalar>(mass * (body.mass / total), apart, central_inertia);
       mass = total;
     }
-    first_moment = mass * com;
-    const Matrix3<Scalar> c = skew(com);
-    inertia = central_inertia - mass * (c * c);
+    for (int i = 0; i < 3; ++i) { first_moment(i) = mass * com(i); }
+    inertia = central_inertia;
+    detail::add_point(mass, com, inertia);
     present = true;
   }
 };
+
+namespace detail {
+
+/// Whether shift·1 + factor·I is positive definite: Gauss elimination of a symmetric matrix.
+inline bool is_definite(double shift, double factor, Eigen::Matrix3d I)
+{
+  for (int k = 0; k < 9; ++k) { I.data()[k] = factor * I.data()[k] + (k % 4 == 0 ? shift : 0); }
+  for (int k = 0; k < 3; ++k) {
+    if (!(I(k, k) > 0)) { return false; }
+    for (int i = k + 1; i < 3; ++i) {
+      for (int j = k + 1; j < 3; ++j) { I(i, j) -= I(i, k) / I(k, k) * I(k, j); }
+    }
+  }
+  return true;
+}
+
+}  // namespace detail
 
 /// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric, without
 /// a negative principal moment, and no principal moment larger than the sum of the others.
@@ -107,19 +130,21 @@ template <class Scalar>
   if (!detail::all_finite(I)) { throw ModelError(owner + ": inertia must be finite" + moments); }
   // Compared in double: a test of plausibility, not a computation that later results depend on.
   Eigen::Matrix3d inertia;
-  for (Index i = 0; i < 3; ++i) {
-    for (Index j = 0; j < 3; ++j) { inertia(i, j) = detail::to_double(I(i, j)); }
+  double scale = 0, asymmetry = 0;
+  for (Index k = 0; k < 9; ++k) {
+    inertia(k) = detail::to_double(I(k));
+    scale = std::max(scale, std::abs(inertia(k)));
   }
-  const double scale = inertia.cwiseAbs().maxCoeff();
   if (scale == 0.0) { return; }  // a point mass
-  inertia /= scale;
+  for (Index k = 0; k < 9; ++k) { inertia(k) /= scale; }
+  for (Index k = 0; k < 3; ++k) { asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k))); }
   const double slack = 1e-6;
-  if ((inertia - inertia.transpose()).cwiseAbs().maxCoeff() > slack) {
-    throw ModelError(owner + ": inertia must be symmetric" + moments);
+  if (asymmetry > slack) { throw ModelError(owner + ": inertia must be symmetric" + moments); }
+  if (!detail::is_definite(slack, 1, inertia)) {
+    throw ModelError(owner + ": inertia has a negative principal moment" + moments);
   }
-  const Eigen::Vector3d moment = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
-  if (moment(0) < -slack) { throw ModelError(owner + ": inertia has a negative principal moment" + moments); }
-  if (moment(2) > (moment(0) + moment(1)) * (1 + slack) + slack) {
+  const double sum = inertia(0, 0) + inertia(1, 1) + inertia(2, 2);
+  if (!detail::is_definite((1 + slack) * sum + slack, -(2 + slack), inertia)) {
     throw ModelError(owner + ": one principal moment of inertia exceeds the sum of the other two" + moments);
   }
 }

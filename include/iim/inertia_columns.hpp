@@ -171,9 +171,7 @@ struct SpatialInertia<Scalar> {
 
   Matrix6<Scalar> dense() const
   {
-    Matrix6<Scalar> A;
-    A << M.dense(), H.dense(), H.dense().transpose(), J.dense();
-    return A;
+    return detail::in_blocks(M.dense(), H, J.dense());
   }
 };
 

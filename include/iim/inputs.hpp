@@ -172,7 +172,8 @@ private:
       throw ModelError("point on frame '" + name + "' must be finite, got " + detail::to_text(point));
     }
     Input<Scalar> input{kind, name, size, frame.subsystem, frame.frame};
-    input.point = frame.at.R * point + frame.at.p;
+    input.point = detail::times(frame.at.R, point);
+    detail::add(input.point, frame.at.p);
     input.R = frame.at.R;
     input.axes = axes;
     return input;
@@ -238,16 +239,16 @@ Vector6<Scalar> input_wrench(const Input<Scalar>& input, const FrameState<Scalar
     direction.setZero();
     direction(j % 3) = Scalar(1);
   } else {
-    direction.noalias() = f.R * input.R.col(j % 3);
+    const Scalar* axis = input.R.data() + 3 * (j % 3);
+    direction = times(f.R, Vector3<Scalar>(axis[0], axis[1], axis[2]));
   }
   Vector6<Scalar> w;
   if (j < 3) {
-    const Vector3<Scalar> x = f.r + f.R * input.point;
-    w.template head<3>() = direction;
-    w.template tail<3>() = x.cross(direction);
+    Vector3<Scalar> x = f.r;
+    add(x, times(f.R, input.point));
+    set(w, direction, cross(x, direction));
   } else {
-    w.template head<3>().setZero();
-    w.template tail<3>() = direction;
+    set(w, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), direction);
   }
   return w;
 }

@@ -14,6 +14,7 @@
 #include <iim/subsystem.hpp>
 
 #include <cstddef>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -43,22 +44,17 @@ template <class Scalar>
   }
 }
 
-/// Y += E X Eᵀ.
+/// Y += E X Eᵀ for a block X of A. Of a symmetric block the upper triangle, where no other is kept.
 template <class Scalar, class Block>
-void add_turned(const Matrix3<Scalar>& E, const Matrix3<Scalar>& X, Block& Y)
+void add_turned(const Matrix3<Scalar>& E, const Matrix6<Scalar>& A, int row, int column, Block& Y)
 {
-  const Matrix3<Scalar> turned = E * X * E.transpose();
+  Matrix3<Scalar> X;
   for (int j = 0; j < 3; ++j) {
-    for (int i = 0; i < 3; ++i) { Y(i, j) += turned(i, j); }
+    for (int i = 0; i < 3; ++i) { X(i, j) = A(row + i, column + j); }
   }
-}
-/// The upper triangle alone, where no other is kept.
-template <class Scalar>
-void add_turned(const Matrix3<Scalar>& E, const Matrix3<Scalar>& X, Symmetric3<Scalar>& Y)
-{
-  const Matrix3<Scalar> turned = E * X * E.transpose();
+  X = turned(E, X);
   for (int j = 0; j < 3; ++j) {
-    for (int i = 0; i <= j; ++i) { Y(i, j) += turned(i, j); }
+    for (int i = 0; i <= (std::is_same_v<Block, Symmetric3<Scalar>> ? j : 2); ++i) { Y(i, j) += X(i, j); }
   }
 }
 
@@ -94,7 +90,10 @@ public:
         const Index of_inlet = node.inlet < 0 ? -1 : group_[static_cast<std::size_t>(node.inlet)];
         Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
         if (of_inlet >= 0) {
-          inherited = tree.placement(node.index).R.transpose() * axis[static_cast<std::size_t>(node.inlet)];
+          const Vector3<Scalar>& there = axis[static_cast<std::size_t>(node.inlet)];
+          for (int i = 0; i < 3; ++i) {
+            inherited(i) = dot(column(tree.placement(node.index).R, i), triple(there));
+          }
         }
         if constexpr (turns_about_axis<S>()) {
           const Vector6<Scalar> twist = s.own_twist();
@@ -161,7 +160,12 @@ private:
     Vector3<Scalar> e(Scalar(0), Scalar(0), Scalar(0));
     e(m) = Scalar(1);
     const Matrix3<Scalar> V = skew(cross(e, a));
-    return Matrix3<Scalar>::Identity() + V + V * V * (Scalar(1) / (Scalar(1) + a(m)));
+    Matrix3<Scalar> axes, V_squared;
+    multiply(V, V, V_squared);
+    for (int k = 0; k < 9; ++k) {
+      axes.data()[k] = Scalar(k % 4 == 0 ? 1 : 0) + V.data()[k] + V_squared.data()[k] * (Scalar(1) / (Scalar(1) + a(m)));
+    }
+    return axes;
   }
 
   [[gnu::cold]] void keep_large()

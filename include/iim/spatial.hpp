@@ -82,6 +82,47 @@ template <class Scalar>
   for (int j = 0; j < 3; ++j) { (a * B(0, j) + b * B(1, j) + c * B(2, j)).put(C.data() + 3 * j); }
 }
 
+/// R X Rᵀ.
+template <class Scalar>
+Matrix3<Scalar> turned(const Matrix3<Scalar>& R, const Matrix3<Scalar>& X)
+{
+  Matrix3<Scalar> RX, result;
+  multiply(R, X, RX);
+#pragma GCC unroll 8
+  for (int j = 0; j < 3; ++j) {
+    (column(RX, 0) * R(j, 0) + column(RX, 1) * R(j, 1) + column(RX, 2) * R(j, 2)).put(result.data() + 3 * j);
+  }
+  return result;
+}
+
+/// I += mass (rᵀr 1 − r rᵀ): the inertia of a point at r.
+template <class Scalar>
+void add_point(const Scalar& mass, const Vector3<Scalar>& r, Matrix3<Scalar>& I)
+{
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      if (i == j) { continue; }
+      I(i, i) += mass * (r(j) * r(j));
+      I(i, j) -= mass * (r(i) * r(j));
+    }
+  }
+}
+
+/// [ M H ; Hᵀ J ].
+template <class Scalar, class Block>
+Matrix6<Scalar> in_blocks(const Matrix3<Scalar>& M, const Block& H, const Matrix3<Scalar>& J)
+{
+  Matrix6<Scalar> A;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) {
+      A(i, j) = M(i, j);
+      A(i, j + 3) = A(j + 3, i) = H(i, j);
+      A(i + 3, j + 3) = J(i, j);
+    }
+  }
+  return A;
+}
+
 /// a += b.
 template <class Scalar>
 [[gnu::always_inline]] inline void add(Vector3<Scalar>& a, const Vector3<Scalar>& b)
@@ -159,7 +200,9 @@ struct Symmetric3 {
   Matrix3<Scalar> dense() const
   {
     Matrix3<Scalar> m;
-    m << at[0], at[1], at[2], at[1], at[3], at[4], at[2], at[4], at[5];
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) { m(i, j) = m(j, i) = (*this)(i, j); }
+    }
     return m;
   }
 
@@ -313,9 +356,7 @@ struct SpatialInertia {
 
   Matrix6<Scalar> dense() const
   {
-    Matrix6<Scalar> A;
-    A << M.dense(), H, H.transpose(), J.dense();
-    return A;
+    return detail::in_blocks(M.dense(), H, J.dense());
   }
 };
 

@@ -106,12 +106,13 @@ private:
     if (own_) { E = *own_; }
     if (there_) { turn_triples(*there_, false, E.data(), 3); }
     const Matrix6<Scalar> came = inlet.A.dense();
-    const Vector3<Scalar> force = E * linear(inlet.h), moment = E * angular(inlet.h);
-    const Matrix3<Scalar> squares = E.cwiseProduct(E);
+    const Vector3<Scalar> force = times(E, linear(inlet.h)), moment = times(E, angular(inlet.h));
+    Matrix3<Scalar> squares;
+    for (int k = 0; k < 9; ++k) { squares.data()[k] = E.data()[k] * E.data()[k]; }
     inlet.A = A_;
-    add_turned<Scalar>(E, came.template topLeftCorner<3, 3>(), inlet.A.M);
-    add_turned<Scalar>(E, came.template topRightCorner<3, 3>(), inlet.A.H);
-    add_turned<Scalar>(E, came.template bottomRightCorner<3, 3>(), inlet.A.J);
+    add_turned(E, came, 0, 0, inlet.A.M);
+    add_turned(E, came, 0, 3, inlet.A.H);
+    add_turned(E, came, 3, 3, inlet.A.J);
     for (int i = 0; i < 3; ++i) {
       inlet.h(i) = h_(i) + force(i);
       inlet.h(i + 3) = h_(i + 3) + moment(i);

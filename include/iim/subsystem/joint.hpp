@@ -106,7 +106,7 @@ struct Revolute {
   Vector6<Scalar> own_twist() const
   {
     Vector6<Scalar> V;
-    V << Vector3<Scalar>::Zero(), unit_.direction;
+    detail::set(V, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), unit_.direction);
     return V;
   }
 
@@ -144,7 +144,7 @@ struct Prismatic {
   Vector6<Scalar> own_twist() const
   {
     Vector6<Scalar> V;
-    V << unit_.direction, Vector3<Scalar>::Zero();
+    detail::set(V, unit_.direction, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
     return V;
   }
 

@@ -100,8 +100,7 @@ struct MotorArmOn {
       rotor.is_massless = false;
       rotor.mass = motor.mass;
       rotor.com = motor.com;
-      rotor.inertia = motor.transverse_inertia *
-                      (Matrix3<Scalar>::Identity() - Matrix3<Scalar>(motor.axis * motor.axis.transpose()));
+      detail::add_point(motor.transverse_inertia, motor.axis, rotor.inertia);
     }
     return {{{0, body}, {-1, rotor}}};
   }
