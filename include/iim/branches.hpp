@@ -7,6 +7,7 @@
 #pragma once
 
 #include <iim/inputs.hpp>
+#include <iim/row.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>
 
@@ -17,14 +18,6 @@
 
 namespace iim::detail {
 
-/// How many numbers a vector register holds; of those that it could, eight at most. One for other Scalars.
-template <class Scalar>
-inline constexpr int register_lanes = 1;
-template <>
-inline constexpr int register_lanes<double> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(double), 1, 8);
-template <>
-inline constexpr int register_lanes<float> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(float), 1, 8);
-
 /// How many numbers one step of a loop treats: those of two registers, eight at most. (With four SSE2 registers and the
 /// sweep of that time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
 template <class Scalar>
@@ -34,13 +27,9 @@ inline constexpr int lane_count = register_lanes<Scalar> > 1 ? std::min(2 * regi
 template <class Scalar>
 inline constexpr int tile_count = 4;
 
-/// What holds them; a Scalar with registers of its own has its own (lanes.hpp).
+/// What holds them.
 template <class Scalar>
-struct LanesOf {
-  using Type = Eigen::Array<Scalar, lane_count<Scalar>, 1>;
-};
-template <class Scalar>
-using Lanes = typename LanesOf<Scalar>::Type;
+using Lanes = Row<Scalar, lane_count<Scalar>>;
 
 template <class Scalar>
 Index padded(Index size)
@@ -51,22 +40,13 @@ Index padded(Index size)
 template <class Scalar>
 [[gnu::always_inline]] inline Lanes<Scalar> load(const Scalar* from)
 {
-  if constexpr (requires { Lanes<Scalar>::load(from); }) {
-    return Lanes<Scalar>::load(from);
-  } else {
-    return Eigen::Map<const Lanes<Scalar>>(from);
-  }
+  return Lanes<Scalar>::load(from);
 }
 
 template <class Scalar>
 [[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x)
 {
-  if constexpr (requires { x.store(to); }) {
-    x.store(to);
-  } else {
-    Eigen::Map<Lanes<Scalar>> target(to);
-    target = x;
-  }
+  x.store(to);
 }
 
 /// The first `count` lanes only, in runs of halving length.
@@ -75,9 +55,7 @@ template <int run, class Scalar>
 {
   if constexpr (run > 0) {
     if ((count & run) != 0) {
-      using Run = Eigen::Array<Scalar, run, 1>;
-      Eigen::Map<Run> target(to + done);
-      target = Eigen::Map<const Run>(x.data() + done);
+      Row<Scalar, run>::load(x.data() + done).store(to + done);
       done += run;
     }
     store_run<run / 2>(to, x, count, done);

@@ -66,8 +66,8 @@ public:
       bundle.are_inputs = false;
     }
     for (ColumnBundle& bundle : plan_.column_bundles) {
-      const Register apart = load(scale.data() + bundle.first) - Scalar(1);
-      bundle.same = bundle.same_rows >= 0 && apart.abs().sum() == Scalar(0);
+      const Scalar* const factor = scale.data() + bundle.first;
+      bundle.same = bundle.same_rows >= 0 && std::all_of(factor, factor + lanes, [](Scalar x) { return x == Scalar(1); });
       if (bundle.same) {
         RowBundle& same = plan_.row_bundles[at(bundle.same_rows)];
         same.are_inputs = true;

@@ -1,6 +1,7 @@
 // The number of lanes.hpp: arithmetic, roots, sines, comparisons for all lanes.
 #pragma once
 
+#include <iim/row.hpp>
 #include <iim/scalar.hpp>
 
 #include <Eigen/Core>
@@ -42,14 +43,6 @@ inline constexpr int register_bytes = 32;
 inline constexpr int register_bytes = 16;
 #endif
 
-/// A vector register as g++ and clang know it; what std::experimental::simd consists of. Used directly, products and
-/// sums of it are contracted by clang too (which does so only where the two operators are told to), and 0.8 s of compile
-/// time for <experimental/simd> is saved.
-template <class T, int N>
-struct VectorOf {
-  using Type [[gnu::vector_size(sizeof(T) * N)]] = T;
-};
-
 template <class T>
 struct BitsOf;
 template <>
@@ -73,7 +66,8 @@ struct BitsOf<float> {
 
 }  // namespace detail
 
-/// N numbers, one of each of N states. T: double or float. N: by default what a vector register holds.
+/// N numbers, one of each of N states. (A register as in Row; <experimental/simd>, which consists of such, takes 0.8 s to
+/// compile, and clang does not contract its products and sums.) T: double or float. N: by default what a vector register holds.
 template <class T, int N = detail::register_bytes / static_cast<int>(sizeof(T))>
 class Lanes {
   static_assert(std::is_same_v<T, double> || std::is_same_v<T, float>);

@@ -36,68 +36,6 @@ inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
 template <class T, int N>
 inline constexpr int tile_count<iim::Lanes<T, N>> = 4;
 
-/// What holds them. An Eigen::Array would do, if compilers inlined its expressions of registers (measured: 2× for B̂).
-template <class T, int N, int count>
-struct Registers {
-  using Scalar = iim::Lanes<T, N>;
-  std::array<Scalar, count> at;
-
-  static Registers Zero()
-  {
-    Registers r;
-    r.setZero();
-    return r;
-  }
-  [[gnu::always_inline]] void setZero() { at.fill(Scalar(0)); }
-  [[gnu::always_inline]] static Registers load(const Scalar* from)
-  {
-    return each([&](std::size_t k) { return from[k]; });
-  }
-  [[gnu::always_inline]] void store(Scalar* to) const
-  {
-    for (std::size_t k = 0; k < count; ++k) { to[k] = at[k]; }
-  }
-  const Scalar* data() const { return at.data(); }
-  const Scalar& operator()(Eigen::Index k) const { return at[static_cast<std::size_t>(k)]; }
-  template <int run>
-  [[gnu::always_inline]] Eigen::Array<Scalar, run, 1> segment(int first) const
-  {
-    Eigen::Array<Scalar, run, 1> part;
-    for (int k = 0; k < run; ++k) { part.data()[k] = at[static_cast<std::size_t>(first + k)]; }
-    return part;
-  }
-
-  [[gnu::always_inline]] friend inline Registers operator+(const Registers& a, const Registers& b)
-  {
-    return each([&](std::size_t k) { return a.at[k] + b.at[k]; });
-  }
-  [[gnu::always_inline]] friend inline Registers operator-(const Registers& a, const Registers& b)
-  {
-    return each([&](std::size_t k) { return a.at[k] - b.at[k]; });
-  }
-  [[gnu::always_inline]] friend inline Registers operator*(const Registers& a, const Scalar& b)
-  {
-    return each([&](std::size_t k) { return a.at[k] * b; });
-  }
-  [[gnu::always_inline]] friend inline Registers operator*(const Scalar& b, const Registers& a) { return a * b; }
-  [[gnu::always_inline]] Registers& operator+=(const Registers& b) { return *this = *this + b; }
-  [[gnu::always_inline]] Registers& operator-=(const Registers& b) { return *this = *this - b; }
-
-private:
-  template <class F>
-  [[gnu::always_inline]] static Registers each(F&& f)
-  {
-    Registers r;
-    for (std::size_t k = 0; k < count; ++k) { r.at[k] = f(k); }
-    return r;
-  }
-};
-
-template <class T, int N>
-struct LanesOf<iim::Lanes<T, N>> {
-  using Type = Registers<T, N, lane_count<iim::Lanes<T, N>>>;
-};
-
 }  // namespace detail
 
 template <class T, int N>

@@ -43,7 +43,7 @@ protected:
   }
 
   static constexpr int side = std::min(register_lanes<Scalar>, width);  ///< of a register
-  using Lane = std::conditional_t<width == 1, Scalar, Eigen::Array<Scalar, width, 1>>;
+  using Lane = std::conditional_t<width == 1, Scalar, Row<Scalar, width>>;
   using Six = std::array<Lane, 6>;
   enum Reach : char {
     at_rest,  ///< no input of this block reaches it
@@ -81,7 +81,7 @@ protected:
     if constexpr (width == 1) {
       return lane;
     } else {
-      return lane.coeffRef(l);
+      return lane(l);
     }
   }
   static const Scalar& entry(const Lane& lane, int l)
