@@ -2,11 +2,43 @@
 // Several states at once in double: random robots, every remainder of a pack.
 #include "several_states.hpp"
 
+#include <iim/models.hpp>
+
+#include <vector>
+
 namespace test_several_states {
 
 TEST_CASE("several states in double agree with each by itself", "[several]")
 {
   iim::test::check_random_robots<double>(1, 60);
+}
+
+TEST_CASE("states by row, by column, as blocks and transposed are the same states", "[several]")
+{
+  using T = double;
+  using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto assembly = iim::models::chain<T>(11);
+  const iim::DynamicTree tree(assembly);
+  const iim::Inputs inputs(tree);
+  iim::SeveralStates several(assembly, inputs);
+  constexpr iim::Index count = 19;
+  iim::test::Random random(7);
+  const iim::test::States<T> states(tree, inputs.columns(), count, random);
+  std::vector<iim::Outcome> outcomes(count);
+  iim::MatrixX<T> expected(tree.n_v(), count), qdd(tree.n_v(), count);
+  REQUIRE(several.accelerations(states.q, states.qd, states.u, expected, outcomes) == 0);
+  const auto check = [&](const auto& q, const auto& qd, const auto& u) {
+    qdd.setZero();
+    CHECK(several.accelerations(q, qd, u, qdd, outcomes) == 0);
+    CHECK(qdd == expected);
+  };
+  check(RowMajor(states.q), RowMajor(states.qd), RowMajor(states.u));
+  const iim::MatrixX<T> by_state = states.q.transpose();
+  check(by_state.transpose(), states.qd, states.u);
+  iim::MatrixX<T> all(3 * 11 + 2, count);
+  all << states.q, states.qd, iim::MatrixX<T>::Ones(2, count), states.u;
+  check(all.topRows(11), all.middleRows(11, 11), all.bottomRows(11));
+  check(states.q + 0 * states.qd, states.qd * 1, states.u);
 }
 
 }  // namespace test_several_states

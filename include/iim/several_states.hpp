@@ -273,7 +273,7 @@ private:
   static void load(const Matrix& m, Index first, int count, VectorX<Pack>& rows)
   {
     Index i = 0;
-    if constexpr (requires { m.data(); }) {
+    if constexpr (requires { m.data(); } && !Matrix::IsRowMajor) {
       if (m.innerStride() == 1) {  // squares of numbers, turned (2 % of the time of a biped, 3 % with clang)
         for (; i + lanes <= m.rows(); i += lanes) {
           std::array<Pack, static_cast<std::size_t>(lanes)> block;
