@@ -211,6 +211,29 @@ TEST_CASE("principal axes: an orthogonal matrix and the moments, small ones to t
   }
 }
 
+TEST_CASE("bodies of any size: principal axes, and two bodies on one frame")
+{
+  const Vector3<double> moments(1, 2, 2.5);
+  const Matrix3<double> R = Eigen::Quaterniond(random<Eigen::Vector4d>().normalized()).toRotationMatrix();
+  const Matrix3<double> I = R * moments.asDiagonal() * R.transpose();
+  for (const double size : {1e-200, 1.0, 1e200}) {
+    CAPTURE(size);
+    Vector3<double> moment;
+    Matrix3<double> axes;
+    detail::principal_axes<double>(size * I, moment, axes);
+    CHECK((axes * (moment / size).asDiagonal() * axes.transpose() - I).norm() < tolerance);
+    Body<double> body;
+    body.mass = size;
+    FrameMass<double> two;
+    for (const double side : {-1.0, 1.0}) {
+      body.com.x() = side;
+      two.add(body);
+    }
+    CHECK(two.mass == 2 * size);
+    CHECK((two.central_inertia / size - 2 * Matrix3<double>(Vector3<double>(0, 1, 1).asDiagonal())).norm() < tolerance);
+  }
+}
+
 TEST_CASE("a rotor across its axis has two moments, whatever the matrix rounds; a thin rod has three")
 {
   FrameMass<double> body;

@@ -22,7 +22,7 @@ void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>&
     bool diagonal = true;
     for (int p = 0; p < 2; ++p) {
       for (int q = p + 1; q < 3; ++q) {
-        if (!(abs(I(p, q)) > epsilon * sqrt(abs(I(p, p)) * abs(I(q, q))))) { continue; }
+        if (!(abs(I(p, q)) > epsilon * sqrt(abs(I(p, p))) * sqrt(abs(I(q, q))))) { continue; }
         diagonal = false;
         // t = tan of the angle that makes I(p, q) zero, the smaller of the two
         const Scalar theta = (I(q, q) - I(p, p)) / (Scalar(2) * I(p, q));
