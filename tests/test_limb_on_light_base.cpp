@@ -125,6 +125,40 @@ void check(const char* name, double lightness, First first, bool inside)
   }
 }
 
+/// Seven links and a load on the last; largest error of q̈ under a force and a moment that the load feels, in ε of Scalar.
+template <class Scalar>
+double worst_under_force(double load)
+{
+  double worst = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    test::Random random(seed);
+    Parts<double> assembly;
+    for (int k = 0; k < 7; ++k) {
+      RevoluteLink<double> link{{random.axis()}, random.body()};
+      if (k == 6) { link.body.mass *= load, link.body.inertia *= load; }
+      const Attachment<double> on{k == 0 ? "world" : "link" + std::to_string(k - 1), random.rotation(), random.vector(0.5)};
+      assembly.add("link" + std::to_string(k), on, link);
+    }
+    const auto under_force = [&]<class Number>(const Parts<Number>& parts, const test::RandomState& state) {
+      const Tree<Number> tree(parts);
+      const Inputs<Tree<Number>> in = test::make_inputs(tree, {{InputKind::wrench, "link6", test::Vec3(0.1, 0.2, 0.3)}});
+      Workspace<Tree<Number>, Update::square_root> ws(tree);
+      const VectorX<Number> u = VectorX<Number>::Constant(6, static_cast<Number>(10 * load));
+      const VectorX<Number> q = state.q.template cast<Number>(), qd = state.qd.template cast<Number>();
+      const auto result = forward_dynamics(q, qd, in, u, ws);
+      REQUIRE(result.status == Status::ok);
+      return VectorX<long double>(result.qdd.template cast<long double>());
+    };
+    const auto rounded = assembly.template cast<Scalar>();
+    test::RandomState state = test::random_state(Tree<Scalar>(rounded), 0, random);
+    state.q = state.q.template cast<Scalar>().template cast<double>();
+    state.qd = state.qd.template cast<Scalar>().template cast<double>();
+    const VectorX<long double> exact = under_force(rounded.template cast<long double>(), state);
+    worst = std::max(worst, relative(under_force(rounded, state), exact) / static_cast<double>(std::numeric_limits<Scalar>::epsilon()));
+  }
+  return worst;
+}
+
 }  // namespace
 
 TEST_CASE("a free base keeps the digits of B̂ and q̈ under one limb that is up to 1e9 times as heavy")
@@ -176,6 +210,16 @@ TEST_CASE("a tiny geared arm that its rotor all but locks to a free base keeps t
       CHECK(relative(a.product, b.sweep) < 32 * std::numeric_limits<double>::epsilon());
       CHECK(relative(a.sweep, b.sweep) < 32 * std::numeric_limits<double>::epsilon());
     }
+  }
+}
+
+TEST_CASE("forces on a load of up to 1e9 times the links' mass move what carries it without a loss of digits")
+{
+  for (const double load : {1.0, 1e3, 1e6, 1e9}) {
+    CAPTURE(load);
+    // Measured: 607 ε in double and 171 in float at 1e9, 33 and 38 at 1e3; with the force beside the rows 1e8 ε.
+    CHECK(worst_under_force<double>(load) < 1024);
+    CHECK(worst_under_force<float>(load) < 1024);
   }
 }
 

@@ -111,7 +111,11 @@ public:
         for (Index j = 0; j < input.size; ++j) {
           Vector6<Scalar> wrench = input_wrench(input, f, j) * u(column + j);
           if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
-          if constexpr (Data::update != Update::square_root) { place_frame<scene.velocity>(input.frame, ws_); }
+          if constexpr (Data::update == Update::square_root) {
+            put_on_rows(ws_.frame_body(input.frame), f.R, f.r, ws_.root(input.frame), wrench);
+          } else {
+            place_frame<scene.velocity>(input.frame, ws_);
+          }
           f.h -= wrench;
         }
       }
