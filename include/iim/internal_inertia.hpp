@@ -27,7 +27,8 @@ template <Scene scene, class S, class RotorType, class Workspace>
 {
   using Scalar = typename S::Scalar;
   SpunRotor<S> spun;
-  spun.e = rotor.ratio.transpose();
+#pragma GCC unroll 8
+  for (int d = 0; d < S::n_i; ++d) { spun.e(d) = rotor.ratio(d); }
   spun.J = rotor.inertia;
   if (!rotor.coupled) { return spun; }
   const bool on_inlet = rotor.frame < 0;

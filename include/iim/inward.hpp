@@ -187,7 +187,9 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
   if constexpr (is_free<S>()) {
-    state.W = state.S_k[0].transpose();
+    for (int d = 0; d < n_i; ++d) {
+      for (int j = 0; j < 6; ++j) { state.W(d, j) = state.S_k[0](j, d); }
+    }
     return;  // nothing passes on: A' = 0, p' = 0
   }
   Columns W;

@@ -187,7 +187,7 @@ struct KinematicStep {
     }
     if constexpr (S::n_u > 0) {
       const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);
-      ws.Bbar().template segment<S::n_i * S::n_u>(node.bbar) = Bbar.reshaped();
+      for (int k = 0; k < S::n_i * S::n_u; ++k) { ws.Bbar()(node.bbar + k) = Bbar.data()[k]; }
     }
     if constexpr (has_internal_force<S>()) {
       ws.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);

@@ -53,7 +53,16 @@ bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar
         C(j, i) = -sum * C(i, i);
       }
     }
-    D_inv.noalias() = C.lazyProduct(C.transpose());
+#pragma GCC unroll 8
+    for (int j = 0; j < n; ++j) {
+#pragma GCC unroll 8
+      for (int i = 0; i <= j; ++i) {
+        Scalar sum = C(i, j) * C(j, j);
+#pragma GCC unroll 8
+        for (int k = j + 1; k < n; ++k) { sum += C(i, k) * C(j, k); }
+        D_inv(i, j) = D_inv(j, i) = sum;
+      }
+    }
     return positive;
   }
 }
