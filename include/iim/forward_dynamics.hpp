@@ -108,16 +108,15 @@ public:
         }
       } else {
         FrameState<Scalar>& f = ws_.frame(input.frame);
-        for (Index j = 0; j < input.size; ++j) {
-          Vector6<Scalar> wrench = input_wrench(input, f, j) * u(column + j);
-          if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
-          if constexpr (Data::update == Update::square_root) {
-            put_on_rows(ws_.frame_body(input.frame), f.R, f.r, ws_.root(input.frame), wrench);
-          } else {
-            place_frame<scene.velocity>(input.frame, ws_);
-          }
-          f.h -= wrench;
+        Vector6<Scalar> wrench = input_wrench(input, f, 0) * u(column);
+        for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
+        if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
+        if constexpr (Data::update == Update::square_root) {
+          put_on_rows(ws_.frame_body(input.frame), f.R, f.r, ws_.root(input.frame), wrench);
+        } else {
+          place_frame<scene.velocity>(input.frame, ws_);
         }
+        f.h -= wrench;
       }
     });
   }
