@@ -112,7 +112,10 @@ public:
         for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
         if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
         if constexpr (Data::update == Update::square_root) {
-          put_on_rows(ws_.frame_body(input.frame), f.R, f.r, ws_.root(input.frame), wrench);
+          const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.r, wrench);
+          for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) {
+            ws_.root(input.frame).row[static_cast<std::size_t>(k)](rhs) += z(k);
+          }
         } else {
           place_frame<scene.velocity>(input.frame, ws_);
         }
@@ -245,6 +248,7 @@ public:
     Workspace& ws = workspace();
     if constexpr (Workspace::update == Update::square_root) {
       for (const FreeAxis& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
+      ws.clear_tapes();
     }
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_);

@@ -91,7 +91,7 @@ private:
 /// Q [N E  v  z] = [N₁  z₁] of the rows on a free frame, and G, which takes the memory of its first rows, the rate's row last.
 /// N₁ and z₁: as they are without the exchange. False if N₁ is singular up to roundings.
 template <class Scalar>
-bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>& N)
+bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>& N, RowTape<Scalar>* tape)
 {
   using std::abs;
   constexpr int most = RootInertia<Scalar>::most;
@@ -109,7 +109,7 @@ bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>
   if (keeps_v) { scale(p) = inertia.scale; }
   std::array<int, 6> pivot{};
   const int rank = in_one_function<Scalar>(
-      [&] { return compress<6, static_cast<std::size_t>(most)>(inertia.row.data(), count, N.data(), pivot); });
+      [&] { return compress<6, static_cast<std::size_t>(most)>(inertia.row.data(), count, N.data(), pivot, 6, tape); });
   if (rank < 6) { return false; }
   bool regular = true;
   std::array<RootRow<Scalar>, most + RootInertia<Scalar>::within + abreast>& G = inertia.row;
@@ -171,7 +171,7 @@ void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis
   const auto& G = inertia.row;
   const bool keeps_v = inertia.keeps_v;
   std::array<RootRow<Scalar>, 6> N_1;
-  if (!eliminate_free(inertia, N_1)) {
+  if (!eliminate_free(inertia, N_1, ws.tape(node.index))) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     const RootRow<Scalar> nothing = RootRow<Scalar>::Constant(std::numeric_limits<Scalar>::quiet_NaN());
     N_1.fill(nothing);

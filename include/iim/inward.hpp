@@ -260,7 +260,8 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
       const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
       share_axis<S>(node, state, false, ws);
       put_wrench<S>(node, state, p, Scalar(0), ws);
-      in_one_function<Scalar>([&] { stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws); });
+      RowTape<Scalar>* const tape = ws.frame_tape(node.frame + k);
+      in_one_function<Scalar>([&] { stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws, tape, 0); });
     } else {
       SpatialInertia<Scalar> A = f.A;
       TriplePair<Scalar> p(f.h.data());

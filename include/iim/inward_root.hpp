@@ -84,11 +84,13 @@ typename S::Scalar heaviest(const Node& node, const Workspace& ws)
 }
 
 /// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
-/// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments.
+/// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments; `tape`: of what leaves the rows,
+/// `first` the first of them there.
 template <Scene scene, class S, class Workspace>
 void stack_on_inlet(
     const Node& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
-    Workspace& ws, [[maybe_unused]] int within = 0, Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
+    Workspace& ws, RowTape<typename S::Scalar>* tape, int first, [[maybe_unused]] int within = 0,
+    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
     [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
 {
   using std::abs;
@@ -107,6 +109,8 @@ void stack_on_inlet(
   }
   const int rows = inlet.rows + count + body_rows;
   const bool fits = rows <= capacity;
+  RowTape<Scalar>* const inlet_tape = ws.frame_tape(node.inlet);
+  if (tape != nullptr) [[unlikely]] { tape->arrival = {first, count, inlet.rows, inlet_tape->size()}; }
   std::array<RootRow<Scalar>, most> stack;
   if (!fits) { std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin()); }
   RootRow<Scalar>* row = (fits ? inlet.row.data() : stack.data()) + inlet.rows;
@@ -156,7 +160,8 @@ void stack_on_inlet(
     inlet.rows = rows;
   } else {
     std::array<int, 6> pivot;
-    inlet.rows = in_one_function<Scalar>([&] { return compress<6, most>(stack.data(), rows, inlet.row.data(), pivot); });
+    inlet.rows = in_one_function<Scalar>([&] { return compress<6, most>(stack.data(), rows, inlet.row.data(), pivot, 6, inlet_tape); });
+    if (inlet_tape != nullptr) [[unlikely]] { inlet_tape->cut(inlet.rows); }
   }
 }
 
@@ -171,6 +176,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   constexpr int n_i = S::n_i;
   constexpr bool keeps_v = one_column<S, Workspace>;
   constexpr int n_within = rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
+  static_assert(n_within <= RootInertia<Scalar>::most_within);
   constexpr int room = RootInertia<Scalar>::most * S::n_frames + n_within;
   constexpr int most = room + abreast;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
@@ -181,6 +187,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   [[maybe_unused]] std::array<VectorI, keeps_v ? 1 : most> v;
   RootRow<Scalar>* const rows = keeps_v ? ws.root(node.frame).row.data() : own_rows.data();
   int count = 0;
+  RowTape<Scalar>* const tape = ws.tape(node.index);
   Vector6<Scalar> hg;
   VectorI hq, scale;
   [[maybe_unused]] Scalar along_h(0);  // S h
@@ -194,6 +201,9 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
     const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
     if constexpr (keeps_v) { count = N_k.rows; }
+    if constexpr (S::n_frames > 1) {
+      if (tape != nullptr) [[unlikely]] { ws.frame_tape(node.frame + k)->move(0, count, N_k.rows); }
+    }
     for (int r = 0; r < N_k.rows && !keeps_v; ++r, ++count) {
       RootRow<Scalar>& n = rows[count];
       n = N_k.row[static_cast<std::size_t>(r)];
@@ -221,7 +231,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in it.
   if constexpr (keeps_v) {
     if (count == 0) { rows[count++].setZero(); }
-    eliminate_along(rows, count);
+    eliminate_along(rows, count, tape);
   }
   const int bodies = count;
   [[maybe_unused]] const Scalar body_v = keeps_v ? Scalar(rows[0](along_S)) : Scalar(0);
@@ -285,13 +295,14 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   bool regular;
   if constexpr (keeps_v) {
     if constexpr (n_within == 1) {
-      if (n_put > 0) { rotate_along(rows[0], rows[bodies]); }
+      if (n_put > 0) { rotate_along(rows, bodies, tape); }
     } else if constexpr (n_within > 1) {
       std::array<RootRow<Scalar>, 1 + n_within + abreast> few;
       n_put = std::min(n_put, n_within);  // as it is, for compilers to see
       few[0] = rows[0];
       std::copy(rows + bodies, rows + bodies + n_put, few.begin() + 1);
-      if (n_put > 0) { eliminate_along(few.data(), 1 + n_put); }
+      if (tape != nullptr) [[unlikely]] { tape->rows_at(0, bodies); }
+      if (n_put > 0) { eliminate_along(few.data(), 1 + n_put, tape); }
       rows[0] = few[0];
       std::copy(few.begin() + 1, few.begin() + 1 + n_put, rows + bodies);
     }
@@ -306,7 +317,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
     if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }
   } else {
-    regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C);
+    regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C, tape);
   }
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
@@ -363,14 +374,17 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
     const int rank = keeps_v || annihilated ? 6 - n_i : 6;
     const int others = left_rows - apart;
-    left_rows = in_one_function<Scalar>([&] { return compress<6, room>(left, others, compressed.data(), pivot, rank); });
+    if (tape != nullptr) [[unlikely]] { tape->rows_at(n_i, n_i + 1); }
+    left_rows = in_one_function<Scalar>([&] { return compress<6, room>(left, others, compressed.data(), pivot, rank, tape); });
     if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
+    if (tape != nullptr) [[unlikely]] { tape->move(count - apart, n_i + left_rows, apart); }
     left_rows += apart;
     left = compressed.data();
   }
   const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
   in_one_function<Scalar>([&] {
-    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, keeps_v ? std::min(n_put, left_rows) : 0, known, turning);
+    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, tape, n_i, keeps_v ? std::min(n_put, left_rows) : 0, known,
+                          turning);
   });
 }
 

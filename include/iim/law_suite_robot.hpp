@@ -72,12 +72,13 @@ struct LawRobot {
   }
 };
 
-/// The part on a base of three hinged links with a hinged load on each of its frames; the same robot turned by Q and
+/// The part on a base of three hinged links, the first of them light, with a hinged load on each of its frames; the same robot turned by Q and
 /// moved, gravity too; and the part between one link and one load.
 template <class S>
 struct LawParts {
   using Parts = typename LawTrees<S>::Dynamic::Parts;
   static constexpr Index number = law_number;
+  static constexpr double lightest = 5e-4;  ///< of the base's first link: loads are heavy against it (unit_rows.hpp)
 
   Parts robot, elsewhere, slim;
 
@@ -88,7 +89,11 @@ struct LawParts {
     Body<double> box{2, Eigen::Vector3d(0.1, -0.05, 0.08), Eigen::Vector3d(0.03, 0.04, 0.05).asDiagonal(), false};
     for (int k = 0; k < number; ++k) {
       const std::string name = k + 1 == number ? "base" : "base" + std::to_string(k);
-      const RevoluteLink<double> link{{random.vector(1).normalized()}, box};
+      RevoluteLink<double> link{{random.vector(1).normalized()}, box};
+      if (k == 0) {
+        link.body.mass *= lightest;
+        link.body.inertia *= lightest;
+      }
       Attachment<double> on{k == 0 ? "world" : "base" + std::to_string(k - 1), random.rotation(), random.vector(0.3), 0};
       robot.add(name, on, link);
       if (k == 0) {

@@ -20,6 +20,7 @@
 #include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/unit_rows.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
@@ -39,7 +40,7 @@ protected:
       : tree_(&tree), product_(tree, inputs.max_columns()), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
         first_beta_(std::max(tree.n_v(), product_.least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
         steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_column_(at(tree.size()) + 1, 0),
-        scale_(at(inputs.max_columns() + lanes), Scalar(1))
+        scale_(at(inputs.max_columns() + lanes), Scalar(1)), unit_rows_(tree)
   {
     rows_.setZero();
     const FrameBuffers buffers(tree);
@@ -169,6 +170,9 @@ protected:
       }
     }
     project_point(ws, input, beta, depth);
+    if constexpr (Workspace::update == Update::square_root) {
+      if (ws.is_heavy(input.frame)) [[unlikely]] { project_on_rows(ws, input, beta, depth); }
+    }
   }
 
   /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`
@@ -319,6 +323,28 @@ protected:
     }
   }
 
+  /// β of a heavy body: what its rows carry of the unit wrenches as z₁, what is left of these as Hᵀ w.
+  template <class Workspace>
+  [[gnu::cold]] void project_on_rows(const Workspace& ws, const Input<Scalar>& input, Scalar* beta, Index depth)
+  {
+    const FrameState<Scalar>& f = ws.frame(input.frame);
+    const RootInertia<Scalar>& N = ws.root(input.frame);
+    unit_rows_.carry_inward(ws, input.frame);
+    for (Index j = 0; j < input.size; ++j, beta += depth_) {
+      Vector6<Scalar> left = input_wrench(input, f, j);
+      const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.r, left);
+      for (Index a = 0; a < depth; ++a) {
+        const Scalar* const h = H(input.frame) + a / lanes * lanes * components + a % lanes;
+        Scalar sum = unit_rows_.at(a, z);
+        for (int c = 3; c < 6; ++c) {
+          sum += h[c * lanes] * left(c);
+          if (N.keeps_v) { sum += h[rate * lanes] * N.S(c) * left(c); }
+        }
+        beta[a] = sum;
+      }
+    }
+  }
+
   static constexpr std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
   const TreeData<Scalar>* tree_;
@@ -336,6 +362,7 @@ protected:
   std::vector<BetaColumn> columns_;   // sorted along the tree
   std::vector<Scaled> scaled_;
   std::vector<Projection> projections_;
+  UnitRows<Scalar> unit_rows_;
 };
 
 /// B̂ from the workspace. Construction allocates O(n_v · depth + depth · m); nothing after it does. Refers to the tree.

@@ -2,6 +2,8 @@
 // reflections, rows sorted by size and columns pivoted.
 #pragma once
 
+#include <iim/row_tape.hpp>
+
 #include <Eigen/Core>
 
 #include <algorithm>
@@ -16,12 +18,6 @@
 #include <utility>
 
 namespace iim::detail {
-
-/// One row [n | z | v]: six columns for (v̇, ω̇), the right-hand side, and where the frame moves by one column S, n S.
-template <class Scalar>
-using RootRow = Eigen::Array<Scalar, 8, 1>;
-inline constexpr int rhs = 6;      ///< lane of z
-inline constexpr int along_S = 7;  ///< lane of v
 
 /// Householder's reflection that takes x, ‖x‖² = square > 0, to (α, 0, …); its largest entry should stand first.
 /// Turns x[0] into the first entry of the reflection's vector; the others stay. Returns α and 2/‖vector‖².
@@ -144,7 +140,8 @@ template <std::size_t most, class Scalar>
 
 /// Order of the rows by size, largest first. Counts instead of swapping: no branch to guess.
 template <std::size_t most, class Scalar>
-[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* sorted)
+[[gnu::always_inline]] inline void sort_rows(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* sorted,
+                                             RowTape<Scalar>* tape)
 {
   constexpr std::size_t padded = (most + 7) / 8 * 8;
   constexpr bool is_numbered = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float>;
@@ -167,12 +164,13 @@ template <std::size_t most, class Scalar>
     }
   }
   for (std::size_t r = 0; r < rows; ++r) { sorted[place[r]] = stack[r]; }
+  if (tape != nullptr) [[unlikely]] { tape->sort(place.data(), count); }
 }
 
 /// Q of square_root.hpp where v is one column, in the last lane of the rows: rows[0] becomes [N₁ | z₁ | T], the others
 /// [N' | z' | 0]. Changes up to `abreast` rows behind them.
 template <class Scalar>
-[[gnu::always_inline]] inline void eliminate_along(RootRow<Scalar>* rows, int count)
+[[gnu::always_inline]] inline void eliminate_along(RootRow<Scalar>* rows, int count, RowTape<Scalar>* tape = nullptr)
 {
   using std::abs;
   for (int r = count; r < count + abreast; ++r) { rows[r].setZero(); }
@@ -198,14 +196,18 @@ template <class Scalar>
   const auto [alpha, factor] = reflector(&top, sum(along_S));
   RootRow<Scalar> w = (sum - above * alpha) * factor;
   w(along_S) = Scalar(1);  // v − 1·v is an exact zero
+  if (tape != nullptr) [[unlikely]] {
+    tape->reflect(0, count, largest, [&](int r) -> const Scalar& { return r == 0 ? above(along_S) : v(r); }, alpha, factor);
+  }
   rows[0] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation
   subtract(rows + 1, count - 1, w, [&](int r) -> const Scalar& { return v(r + 1); });
 }
 
-/// The same for two rows, by a rotation: rows of any two sizes, v = 0 in both left out.
+/// The same for two rows, the first and another, by a rotation: rows of any two sizes, v = 0 in both left out.
 template <class Scalar>
-[[gnu::always_inline]] inline void rotate_along(RootRow<Scalar>& above, RootRow<Scalar>& below)
+[[gnu::always_inline]] inline void rotate_along(RootRow<Scalar>* rows, int other, RowTape<Scalar>* tape)
 {
+  RootRow<Scalar>&above = rows[0], &below = rows[other];
   using std::sqrt;
   const Scalar a = above(along_S), b = below(along_S);
   const Scalar square = a * a + b * b;
@@ -217,18 +219,19 @@ template <class Scalar>
   below = below * cosine - n * sine;
   above(along_S) = T;
   below(along_S) = Scalar(0);
+  if (tape != nullptr) [[unlikely]] { tape->rotate(0, other, cosine, sine); }
 }
 
 /// Replaces `count` ≤ most rows by at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns, rows sorted by size.
 /// Row k of the result is zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows.
 template <int steps, std::size_t most, class Scalar>
 int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
-             std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps)
+             std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps, RowTape<Scalar>* tape = nullptr)
 {
   count = std::min(count, static_cast<int>(most));
   rank = std::min(std::min(rank, steps), count);
   std::array<RootRow<Scalar>, most + abreast> sorted;
-  sort_rows<most>(stack, count, sorted.data());
+  sort_rows<most>(stack, count, sorted.data(), tape);
   for (int r = count; r < count + abreast; ++r) { sorted[static_cast<std::size_t>(r)].setZero(); }
   RootRow<Scalar> square =
       weighted_sum(sorted.data(), count, [&](int r) -> const RootRow<Scalar>& { return sorted[static_cast<std::size_t>(r)]; });
@@ -246,6 +249,7 @@ int compress(const RootRow<Scalar>* stack, int count, RootRow<Scalar>* result,
     const RootRow<Scalar> sum = weighted_sum(rows, active, x);
     const auto [alpha, factor] = reflector(&top, best);
     result[k] = sum * (Scalar(1) / alpha);  // = above − w top, without its cancellation; alpha in its column
+    if (tape != nullptr) [[unlikely]] { tape->reflect(k, active, 0, x, alpha, factor); }
     if (k + 1 == rank) { break; }
     // top − above(column) = −alpha. w is 1 in the column, so that x − 1·x leaves an exact zero there.
     const RootRow<Scalar> w = (sum - above * alpha) * factor * (Scalar(1) - unit) + unit;

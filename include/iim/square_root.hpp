@@ -57,6 +57,7 @@ struct RootInertia {
   static constexpr int loose = 26;
   static constexpr int most = loose + 6;
   static constexpr int within = 4;  ///< and for rotors and springs
+  static constexpr int most_within = 64;  ///< of these, on a subsystem of any kind
   std::array<RootRow<Scalar>, most + within + abreast> row;
   int rows = 0;
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
@@ -177,14 +178,15 @@ template <bool velocity, Along along, class Scalar>
   place_roots<velocity, along>(body, R, r, omega, N.S, N.row.data(), N.scale);
 }
 
-/// Takes from a wrench on a frame what the rows of the frame's own body carry, as a part of z: N_bᵀ z = wrench. Beside N it
-/// would act by its roundings on what is lighter than the body; a load of 10⁹ kg on links of 1 kg cost q̈ eight digits. What is
-/// left is a moment about axes where the body has no row.
+/// Takes from a wrench on a frame what the rows of the frame's own body carry, as a part of z: N_bᵀ z = wrench, one number for
+/// each row. Beside N it would act by its roundings on what is lighter than the body; a load of 10⁹ kg on links of 1 kg cost q̈
+/// eight digits. What is left is a moment about axes where the body has no row.
 template <class Scalar>
-void put_on_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r, RootInertia<Scalar>& N,
-                 Vector6<Scalar>& wrench)
+RootRow<Scalar> put_on_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
+                            Vector6<Scalar>& wrench)
 {
-  if (!(body.root_mass > Scalar(0))) { return; }
+  RootRow<Scalar> z = RootRow<Scalar>::Zero();
+  if (!(body.root_mass > Scalar(0))) { return z; }
   Vector3<Scalar> s = times(R, body.com);
   add(s, r);
   const Vector3<Scalar> force = linear(wrench);
@@ -193,16 +195,17 @@ void put_on_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, const V
   Matrix3<Scalar> p;
   multiply(R, body.axes, p);
   for (int k = 0; k < 3; ++k) {
-    N.row[static_cast<std::size_t>(k)](rhs) += force(k) / body.root_mass;
+    z(k) = force(k) / body.root_mass;
     const Scalar along = dot(column(p, k), moment);
     if (k + 3 < body.rows) {
-      N.row[static_cast<std::size_t>(k + 3)](rhs) += along / body.root_moment(k);
+      z(k + 3) = along / body.root_moment(k);
     } else {
       left += column(p, k) * along;
     }
   }
   wrench.setZero();
   left.put(wrench.data() + 3);
+  return z;
 }
 
 /// How a row changes where it is stacked on the inlet: n + Σ_k n(k) move[k] is N X(r), z − N known, v + n T.
@@ -247,7 +250,8 @@ template <class Scalar>
 template <int n, class Scalar, int most>
 [[gnu::always_inline]] inline bool eliminate(std::array<Eigen::Matrix<Scalar, n, 1>, most>& v,
                                              std::array<RootRow<Scalar>, most>& rows, int count,
-                                             const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
+                                             const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C,
+                                             RowTape<Scalar>* tape = nullptr)
 {
   using std::abs;
   count = std::min(count, most - abreast);
@@ -280,7 +284,12 @@ template <int n, class Scalar, int most>
       regular = false;
       best = Scalar(1);
     }
+    const Scalar first = x[0];
     const auto [alpha, factor] = reflector(x.data(), best);
+    if (tape != nullptr) [[unlikely]] {
+      const auto whole = [&](int r) -> const Scalar& { return r == 0 ? first : x[static_cast<std::size_t>(r)]; };
+      tape->reflect(k, active, static_cast<int>(pivot), whole, alpha, factor);
+    }
     // Below this v is made of roundings: the coordinate moves nothing, or no digit of what it moves is left.
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
     regular &= ScalarTraits<Scalar>::is_positive(abs(alpha) - negligible);

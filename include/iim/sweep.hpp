@@ -17,6 +17,7 @@
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/transpose.hpp>
+#include <iim/unit_rows.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
@@ -36,10 +37,12 @@ protected:
   [[gnu::cold]] SweepSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
         applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
-        rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest)
+        rows_(static_cast<std::size_t>(tree.n_v())), shares_(rows_.size()), reach_(static_cast<std::size_t>(tree.size()), at_rest),
+        unit_rows_(tree)
   {
     for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
+    for (Lane& share : shares_) { share = zero(); }
   }
 
   static constexpr int side = std::min(register_lanes<Scalar>, width);  ///< of a register
@@ -106,9 +109,14 @@ protected:
       write(columns, lane, Bhat, check);
       lane = 0;
       std::fill(reach_.begin(), reach_.end(), at_rest);
+      if (shared_) { std::fill(shares_.begin(), shares_.end(), zero()); }
+      shared_ = false;
     };
     sorted_.number_columns();
     sorted_.for_each([&](const Input<Scalar>& input, Index column) {
+      if constexpr (Workspace::update == Update::square_root) {
+        if (input.kind != InputKind::motor && ws.is_heavy(input.frame)) { unit_rows_.carry_inward(ws, input.frame); }
+      }
       for (Index j = 0; j < input.size; ++j) {
         columns[at(lane)] = column + j;
         act(ws, input, j, lane++);
@@ -140,7 +148,10 @@ protected:
         entry(rows_[at(input.v + d)], lane) = ws.Bbar()(input.bbar + j * input.velocities + d);
       }
     } else {
-      const Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
+      Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
+      if constexpr (Workspace::update == Update::square_root) {
+        if (ws.is_heavy(input.frame)) { share(ws, input, w, lane); }
+      }
       Six& applied = applied_[at(input.frame)];
       if (loads_[at(input.frame)] == 0) { applied.fill(zero()); }
       loads_[at(input.frame)] = by_input;
@@ -150,6 +161,19 @@ protected:
         for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(input.frame)], lane) += f.S(c) * w(c); }
       }
     }
+  }
+
+  /// Takes from the wrench of an input on a heavy frame what its body's rows carry, and notes what each joint gets of it.
+  template <class Workspace>
+  void share(const Workspace& ws, const Input<Scalar>& input, Vector6<Scalar>& w, int lane)
+  {
+    const FrameState<Scalar>& f = ws.frame(input.frame);
+    const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.r, w);
+    for (Index i = input.subsystem; i >= 0; i = tree_->node(i).parent) {
+      const Node& node = tree_->node(i);
+      for (int d = 0; d < own_[at(i)].velocities; ++d) { entry(shares_[at(node.v + d)], lane) = unit_rows_.at(node.path_v + d, z); }
+    }
+    shared_ = true;
   }
 
   /// The wrench on a frame, from its children and from inputs.
@@ -200,6 +224,11 @@ protected:
       unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
         unrolled<n_i - 1>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
+        if constexpr (Workspace::update == Update::square_root) {
+          if (shared_) [[unlikely]] {
+            for (int e = 0; e < n_i; ++e) { row += shares_[at(node.v + e)] * state.MbarR_inv_root.coeff(d, e); }
+          }
+        }
         rows_[at(node.v + d)] = row;
       });
       if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
@@ -320,6 +349,7 @@ protected:
       const auto& G = inertia.row;
       Lane e = along * G[free_rate](k);
       for (int c = 0; c < 6; ++c) { e += p[at(c)] * G[at(c)](k); }
+      if (shared_) [[unlikely]] { e += shares_[at(node.v + k)]; }
       for (int c = 0; c < 6; ++c) { motion[at(c)] += e * G[at(c)](k); }
       rate += e * G[free_rate](k);
     }
@@ -382,8 +412,11 @@ protected:
   std::vector<char> loads_;   // of a frame, of type Load
   std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
+  std::vector<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity (unit_rows.hpp)
+  bool shared_ = false;       // whether some are not zero
   std::vector<Reach> reach_;
   std::vector<Own> own_;
+  UnitRows<Scalar> unit_rows_;
 };
 
 /// Columns of B̂, `width` at a time. Construction allocates O(n_v·width); nothing after it does. Refers to the tree.
