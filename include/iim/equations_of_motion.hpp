@@ -211,7 +211,12 @@ private:
           for (int e = 0; e < d; ++e) { D(e, d) = D(d, e); }
         }
         if constexpr (rotor_count<S>() > 0) { add_rotors(ws, node, s, state, F, D, h, I, f); }
-        if constexpr (scene.implicit) { for (const auto& spring : state.springs) { add_spring(spring, D); } }
+        if constexpr (scene.implicit) {
+          for (const auto& spring : state.springs) {
+            add_spring(spring, D);
+            for (int d = 0; d < n_i; ++d) { h(d) += spring.ratio(d) * spring.force; }
+          }
+        }
         for (int d = 0; d < n_i; ++d) {
           h_(node.v + d) = h(d);
           for (int c = 0; c < 6; ++c) { F_[at(node.v + d)](c) = F(c, d); }

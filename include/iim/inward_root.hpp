@@ -240,7 +240,8 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
   Scalar undone(1);                    // W S
   Scalar within_S(0);                  // Σ v n S over what lies within
-  Scalar own_load = ws.load()(node.v);  // S h' on the inlet
+  Scalar own_load = ws.load()(node.v);  // S h' on the inlet, but for
+  [[maybe_unused]] Scalar own_moment(0);  // the moment of rotors
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S, const Scalar& with_S) {
     slip += ratio(0) * against_S;
     within_S += ratio(0) * with_S;
@@ -277,7 +278,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
         if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) { turning += moment_of_rows(carrier, state.R, spun.moment); }
         add_gyroscopic(spun, rotor, state, hg, hq);
-        for (int j = 0; j < 3 && keeps_v && rotor.frame < 0; ++j) { own_load += spun.moment(j) * state.S_k[0](j + 3); }
+        for (int j = 0; j < 3 && keeps_v && rotor.frame < 0; ++j) { own_moment += spun.moment(j) * state.S_k[0](j + 3); }
       }
     }
   }
@@ -285,6 +286,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     for (const auto& spring : state.springs) {
       rows[count].setZero();
       const Scalar root = sqrt(spring.inertia);
+      if (root > Scalar(0)) { rows[count](rhs) = -spring.force / root; }
       put_within(root * spring.ratio.transpose(), root * spring.ratio(0), Scalar(0));
     }
   }
@@ -311,8 +313,9 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     if (n_put > 0) {
       undone = (body_v * C(0, 0)) * (body_v * C(0, 0)) + (within_S * C(0, 0)) * C(0, 0);
       slip = (slip * C(0, 0)) * C(0, 0);
-      own_load = own_load - ws.load()(node.v) + undone * ws.load()(node.v) + slip * along_h;
+      own_load = undone * own_load + slip * along_h;
     }
+    own_load += own_moment;
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
     if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }

@@ -75,21 +75,41 @@ constexpr bool has_bias(int rows)
   return scene.velocity && (S::pattern.bias || (rows == 0 ? S::pattern.linear : S::pattern.angular));
 }
 
-/// Springs at the end of a step h: f(q + h q̇ + h² q̈, q̇ + h q̈) = f + h K q̇ + (h C + h² K) q̈ to first order.
-template <class Springs, class S, class Load>
-void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::Scalar& step, NodeState<S>& state, Load load)
+/// Springs at the end of a step h: f(q + h q̇ + h² q̈, q̇ + h q̈) = f + h K q̇ + (h C + h² K) q̈ to first order, f: internal
+/// forces. `apart`: a spring's force stays with it (square_root.hpp); what is then left of f, if more than roundings, and the
+/// forces that stay with none, is subtracted from the loads.
+template <bool apart, class Springs, class S, class Load>
+void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::Scalar& step, Velocities<S> f,
+             NodeState<S>& state, Load load)
 {
+  using std::abs;
   using Scalar = typename S::Scalar;
+  Velocities<S> size = f.cwiseAbs();
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const auto& spring = springs[k];
     const Scalar h_stiffness = step * spring.stiffness;
     Scalar rate(0);
 #pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) { rate += spring.ratio(d) * qd(d); }
+    SpringInertia<Scalar, S::n_i>& own = state.springs[k];
+    own.ratio = spring.ratio;
+    own.inertia = step * (spring.damping + h_stiffness);
+    own.force = Scalar(0);
+    Scalar more = h_stiffness * rate;
+    if (apart && own.inertia > Scalar(0)) {
+      own.force = spring.force + more;
+      more = -spring.force;
+    }
 #pragma GCC unroll 8
-    for (int d = 0; d < S::n_i; ++d) { load(d) -= spring.ratio(d) * (h_stiffness * rate); }
-    state.springs[k].ratio = spring.ratio;
-    state.springs[k].inertia = step * (spring.damping + h_stiffness);
+    for (int d = 0; d < S::n_i; ++d) {
+      f(d) += spring.ratio(d) * more;
+      size(d) += abs(spring.ratio(d) * more);
+    }
+  }
+  const Scalar roundings = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
+#pragma GCC unroll 8
+  for (int d = 0; d < S::n_i; ++d) {
+    if (!apart || !(abs(f(d)) <= roundings * size(d))) { load(d) -= f(d); }
   }
 }
 
@@ -189,11 +209,11 @@ struct KinematicStep {
       const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);
       for (int k = 0; k < S::n_i * S::n_u; ++k) { ws.Bbar()(node.bbar + k) = Bbar.data()[k]; }
     }
-    if constexpr (has_internal_force<S>()) {
-      ws.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);
-    }
     if constexpr (scene.implicit && spring_count<S>() > 0) {
-      stretch(s.springs(q_i, qd_i), qd_i, step, state, ws.load().template segment<S::n_i>(node.v));
+      stretch<Data::update == Update::square_root>(s.springs(q_i, qd_i), qd_i, step, s.internal_force(q_i, qd_i), state,
+                                                   ws.load().template segment<S::n_i>(node.v));
+    } else if constexpr (has_internal_force<S>()) {
+      ws.load().template segment<S::n_i>(node.v) -= s.internal_force(q_i, qd_i);
     }
   }
 };

@@ -65,6 +65,9 @@ struct Spring {
   Eigen::Matrix<Scalar, 1, n_i> ratio;
   Scalar stiffness{0};  ///< [N m/rad, N/m]
   Scalar damping{0};    ///< [N m s/rad, N s/m]
+  /// What internal_force contains of it, ratioᵀ·force [N m, N]. Given, it does not cost the square-root form of an implicit step
+  /// any digits, however stiff the spring; zero: it is not known apart from the rest.
+  Scalar force{0};
 };
 
 /// Requirements on a subsystem. Sizes are compile-time constants, functions are const and do not allocate.

@@ -94,6 +94,7 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
   if (implicit) {
     for (const auto& spring : state.springs) {
       m.Mbar.bottomRightCorner(n_i, n_i) += spring.ratio.transpose() * spring.inertia * spring.ratio;
+      m.hbar.tail(n_i) += spring.ratio.transpose() * spring.force;
     }
   }
   m.hbar.tail(n_i) -= ws.load().segment(node.v, n_i);

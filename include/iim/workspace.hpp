@@ -43,11 +43,12 @@ struct FrameState {
   Vector6<Scalar> Vdot;         ///< acceleration
 };
 
-/// What a spring adds to M̄_i in an implicit step h: ratioᵀ (h·damping + h²·stiffness) ratio.
+/// What a spring adds to M̄_i in an implicit step h, ratioᵀ (h·damping + h²·stiffness) ratio, and to h̄_i, ratioᵀ force.
 template <class Scalar, int n_i>
 struct SpringInertia {
   Eigen::Matrix<Scalar, 1, n_i> ratio;
   Scalar inertia;
+  Scalar force;  ///< 0 where it is among the loads: without inertia, and but for the square-root form
 };
 
 /// What one subsystem keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
@@ -125,7 +126,7 @@ public:
 
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
-  VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs
+  VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs, but those of SpringInertia::force
   const VectorX<Scalar>& load() const { return load_; }
   VectorX<Scalar>& Bbar() { return Bbar_; }  ///< the q̇ rows of all B̄_i, column by column (Node::bbar)
   const VectorX<Scalar>& Bbar() const { return Bbar_; }

@@ -75,13 +75,14 @@ struct ElasticMotorArmOn {
 
   Vector2 internal_force(const Vector2& q, const Vector2& qd) const
   {
-    const Scalar torque = stiffness * (q(1) - q(0) / motor.gear_ratio) + damping * (qd(1) - qd(0) / motor.gear_ratio);
+    const Scalar torque = spring_torque(q, qd);
     return Vector2(-torque / motor.gear_ratio, torque);
   }
 
-  std::array<Spring<Scalar, 2>, 1> springs(const Vector2&, const Vector2&) const
+  std::array<Spring<Scalar, 2>, 1> springs(const Vector2& q, const Vector2& qd) const
   {
-    return {{{Eigen::Matrix<Scalar, 1, 2>(Scalar(-1) / motor.gear_ratio, Scalar(1)), stiffness, damping}}};
+    const Eigen::Matrix<Scalar, 1, 2> ratio(Scalar(-1) / motor.gear_ratio, Scalar(1));
+    return {{{ratio, stiffness, damping, spring_torque(q, qd)}}};
   }
 
   /// Energy in the spring [J].
@@ -103,6 +104,12 @@ struct ElasticMotorArmOn {
   {
     return ElasticMotorArmOn<decltype(joint.template cast<T>())>{joint.template cast<T>(), body.template cast<T>(),
                                                                  motor.template cast<T>(), T(stiffness), T(damping)};
+  }
+
+private:
+  Scalar spring_torque(const Vector2& q, const Vector2& qd) const
+  {
+    return stiffness * (q(1) - q(0) / motor.gear_ratio) + damping * (qd(1) - qd(0) / motor.gear_ratio);
   }
 };
 

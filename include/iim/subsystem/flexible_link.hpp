@@ -114,12 +114,12 @@ struct FlexibleLink {
   {
     return stiffness().cwiseProduct(q + damping * qd);
   }
-  std::array<Spring<Scalar, n_i>, n_i> springs(const Coordinates&, const Coordinates&) const
+  std::array<Spring<Scalar, n_i>, n_i> springs(const Coordinates& q, const Coordinates& qd) const
   {
-    const Coordinates k = stiffness();
+    const Coordinates k = stiffness(), force = internal_force(q, qd);
     std::array<Spring<Scalar, n_i>, n_i> springs;
     for (int d = 0; d < n_i; ++d) {
-      springs[static_cast<std::size_t>(d)] = {Eigen::Matrix<Scalar, 1, n_i>::Unit(d), k(d), damping * k(d)};
+      springs[static_cast<std::size_t>(d)] = {Eigen::Matrix<Scalar, 1, n_i>::Unit(d), k(d), damping * k(d), force(d)};
     }
     return springs;
   }

@@ -44,11 +44,13 @@ struct Sprung : Part {
     return stiffness.cwiseProduct(q - rest) + damping.cwiseProduct(qd);
   }
 
-  std::array<Spring<Scalar, n_i>, n_i> springs(const Coordinates&, const Coordinates&) const
+  std::array<Spring<Scalar, n_i>, n_i> springs(const Coordinates& q, const Coordinates& qd) const
   {
+    const Coordinates force = internal_force(q, qd);
     std::array<Spring<Scalar, n_i>, n_i> springs;
     for (int d = 0; d < n_i; ++d) {
-      springs[static_cast<std::size_t>(d)] = {Eigen::Matrix<Scalar, 1, n_i>::Unit(d), stiffness(d), damping(d)};
+      springs[static_cast<std::size_t>(d)] = {Eigen::Matrix<Scalar, 1, n_i>::Unit(d), stiffness(d), damping(d),
+                                              force(d)};
     }
     return springs;
   }
