@@ -37,12 +37,11 @@ protected:
   [[gnu::cold]] SweepSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
         applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
-        rows_(static_cast<std::size_t>(tree.n_v())), shares_(rows_.size()), reach_(static_cast<std::size_t>(tree.size()), at_rest),
-        unit_rows_(tree)
+        rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest), unit_rows_(tree)
   {
     for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
-    for (Lane& share : shares_) { share = zero(); }
+    if (unit_rows_.are_needed()) { shares_.resize(rows_.size(), zero()); }
   }
 
   static constexpr int side = std::min(register_lanes<Scalar>, width);  ///< of a register
@@ -412,11 +411,11 @@ protected:
   std::vector<char> loads_;   // of a frame, of type Load
   std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
   std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
-  std::vector<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity (unit_rows.hpp)
-  bool shared_ = false;       // whether some are not zero
   std::vector<Reach> reach_;
   std::vector<Own> own_;
   UnitRows<Scalar> unit_rows_;
+  std::vector<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity
+  bool shared_ = false;       // whether some are not zero
 };
 
 /// Columns of B̂, `width` at a time. Construction allocates O(n_v·width); nothing after it does. Refers to the tree.

@@ -7,6 +7,7 @@
 // 1 kg: 2 ε, without this 2e4. The pass of an arm of seven takes 6 % longer with such a load, and the wrench 2 µs.
 #pragma once
 
+#include <iim/heavy_frames.hpp>
 #include <iim/row_tape.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -21,8 +22,11 @@ namespace iim::detail {
 template <class Scalar>
 class UnitRows {
 public:
-  [[gnu::cold]] explicit UnitRows(const TreeData<Scalar>& tree) : tree_(&tree), z_1_(static_cast<std::size_t>(tree.max_path_v()))
+  /// Allocates if a frame of the tree is heavy.
+  [[gnu::cold]] explicit UnitRows(const TreeData<Scalar>& tree) : tree_(&tree)
   {
+    if (!HeavyFrames<Scalar>(tree).any()) { return; }
+    z_1_.resize(static_cast<std::size_t>(tree.max_path_v()));
     Index frames = 1;
     for (Index i = 0; i < tree.size(); ++i) {
       const Index end = i + 1 < tree.size() ? tree.node(i + 1).frame : tree.n_frames();
@@ -31,6 +35,8 @@ public:
     row_.resize(static_cast<std::size_t>(RootInertia<Scalar>::most * (frames + 1) + RootInertia<Scalar>::most_within));
     spare_ = row_;
   }
+
+  bool are_needed() const { return !z_1_.empty(); }
 
   /// z₁ of the subsystems on the path to a heavy frame, for 1 in each of the rows of its body. The workspace holds the pass.
   template <class Workspace>

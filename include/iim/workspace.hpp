@@ -1,6 +1,7 @@
 // What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
 #pragma once
 
+#include <iim/heavy_frames.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/row_tape.hpp>
 #include <iim/spatial.hpp>
@@ -9,11 +10,9 @@
 #include <iim/tree.hpp>
 #include <iim/turns.hpp>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstddef>
 #include <limits>
-#include <utility>
 #include <vector>
 
 namespace iim {
@@ -100,7 +99,7 @@ public:
 
   /// Whether inputs on frame f need what the pass did to its rows (unit_rows.hpp): its body is far heavier than one of those
   /// that carry it.
-  bool is_heavy(Index f) const { return !heavy_.empty() && heavy_[static_cast<std::size_t>(f)] != 0; }
+  bool is_heavy(Index f) const { return heavy_.is_heavy(f); }
 
   /// What was done to the rows of subsystem i, after what was done to those on frame f; nullptr if nothing heavy lies there or
   /// beyond.
@@ -126,14 +125,15 @@ public:
 
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
-  VectorX<Scalar>& load() { return load_; }  ///< generalised forces on the velocities themselves: Bu, less springs, but those of SpringInertia::force
+  /// Generalised forces on the velocities themselves: Bu, less internal forces but those in SpringInertia::force.
+  VectorX<Scalar>& load() { return load_; }
   const VectorX<Scalar>& load() const { return load_; }
   VectorX<Scalar>& Bbar() { return Bbar_; }  ///< the q̇ rows of all B̄_i, column by column (Node::bbar)
   const VectorX<Scalar>& Bbar() const { return Bbar_; }
 
 protected:
   [[gnu::cold]] explicit WorkspaceData(const TreeData<Scalar>& tree)
-      : tree_(&tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()), load_(tree.n_v()),
+      : tree_(&tree), frames_(static_cast<std::size_t>(tree.n_frames())), heavy_(tree), qdd_(tree.n_v()), load_(tree.n_v()),
         Bbar_(tree.n_bbar())
   {
     if constexpr (update == Update::square_root) {
@@ -141,7 +141,10 @@ protected:
       for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
       root_.resize(frames_.size());
       shared_axis_.resize(static_cast<std::size_t>(tree.size()));
-      find_heavy();
+      if (heavy_.any()) {
+        tapes_.resize(static_cast<std::size_t>(tree.size()));
+        frame_tapes_.resize(frames_.size());
+      }
     }
     qdd_.setZero();
     load_.setZero();
@@ -157,81 +160,32 @@ protected:
     }
   }
 
-  /// Room for the steps of a subsystem whose tape is on.
-  void make_tape(const Node& node, int n_i, int n_frames, int n_within)
+  /// For a subsystem of n_i velocities, n_frames frames, n_within rotors and springs.
+  [[gnu::cold]] void add_tape(const Node& node, int n_i, int n_frames, int n_within)
   {
-    if (tapes_.empty()) { return; }
     constexpr std::size_t rank = 6, most = RootInertia<Scalar>::most;
-    if (node.inlet >= 0 && carries_heavy_[static_cast<std::size_t>(node.parent)] != 0) {  // what any child does to its rows
-      frame_tapes_[static_cast<std::size_t>(node.inlet)].add_room(rank, 2 * most + rank, 2);
+    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
+    if (node.parent >= 0 && heavy_.carries(node.parent)) {  // what any child does to the rows of its inlet
+      frame_tapes_[at(node.inlet)].add_room(rank, 2 * most + rank, 2);
     }
-    if (carries_heavy_[static_cast<std::size_t>(node.index)] == 0) { return; }
-    const auto rows = most * static_cast<std::size_t>(n_frames) + static_cast<std::size_t>(n_within);
-    tapes_[static_cast<std::size_t>(node.index)].add_room(static_cast<std::size_t>(n_i) + 1 + rank, rows, 2);
-    for (int k = 0; k < n_frames; ++k) { frame_tapes_[static_cast<std::size_t>(node.frame + k)].add_room(0, 0, 1); }
+    if (!heavy_.carries(node.index)) { return; }
+    tapes_[at(node.index)].add_room(at(n_i) + 1 + rank, most * at(n_frames) + at(n_within), 2);
+    for (int k = 0; k < n_frames; ++k) { frame_tapes_[at(node.frame + k)].add_room(0, 0, 1); }
   }
 
-private:
   static bool is_on(const std::vector<RowTape<Scalar>>& tapes, Index k)
   {
     return !tapes.empty() && tapes[static_cast<std::size_t>(k)].is_on();
   }
 
-  /// Sixteen times in the root of mass or moment of inertia: what is lost below are a few ε (a load of 256 kg on links of 1 kg: 4).
-  void find_heavy()
-  {
-    using std::abs;
-    using std::max;
-    struct Size {
-      Scalar mass = Scalar(0), moment = Scalar(0);  // roots; 0: none
-    };
-    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
-    const auto size_of = [](const BodyRoot<Scalar>& body) {
-      const Scalar reach = max(max(abs(body.com(0)), abs(body.com(1))), abs(body.com(2)));
-      return Size{body.root_mass, max(body.root_moment(0), Scalar(body.root_mass * reach))};
-    };
-    std::vector<Size> body(frames_.size());  // with what inlets on the frame carry
-    for (std::size_t f = 0; f < body.size(); ++f) { body[f] = size_of(frame_body_[f]); }
-    for (const Node& node : tree_->nodes()) {
-      if (node.inlet < 0) { continue; }
-      const Size inlet = size_of(inlet_body_[at(node.index)]);
-      Size& sum = body[at(node.inlet)];
-      sum = {max(sum.mass, inlet.mass), max(sum.moment, inlet.moment)};
-    }
-    const auto smaller = [](const Scalar& a, const Scalar& b) { return a > Scalar(0) && (b > a || !(b > Scalar(0))) ? a : b; };
-    std::vector<Size> carrier(at(tree_->size()));  // the smallest inward of a subsystem
-    std::vector<char> carries(carrier.size(), 0), heavy(frames_.size(), 0);
-    bool any = false;
-    for (const Node& node : tree_->nodes()) {
-      if (node.inlet < 0) { continue; }
-      const Size &parent = carrier[at(node.parent)], &on = body[at(node.inlet)];
-      const Size light = carrier[at(node.index)] = {smaller(parent.mass, on.mass), smaller(parent.moment, on.moment)};
-      for (Index f = node.frame; f < tree_->n_frames() && tree_->owner(f) == node.index; ++f) {
-        const BodyRoot<Scalar>& own = frame_body_[at(f)];
-        const auto outweighs = [](const Scalar& a, const Scalar& b) { return b > Scalar(0) && a > Scalar(16) * b; };
-        if (!outweighs(own.root_mass, light.mass) && !outweighs(own.root_moment(0), light.moment)) { continue; }
-        any = true;
-        heavy[at(f)] = 1;
-        for (Index i = node.index; i >= 0 && carries[at(i)] == 0; i = tree_->node(i).parent) { carries[at(i)] = 1; }
-      }
-    }
-    if (!any) { return; }
-    heavy_ = std::move(heavy);
-    carries_heavy_ = std::move(carries);
-    tapes_.resize(carrier.size());
-    frame_tapes_.resize(frames_.size());
-  }
-
-protected:
   const TreeData<Scalar>* tree_;
   std::vector<FrameState<Scalar>> frames_;
   std::vector<RootInertia<Scalar>> root_;
   std::vector<SharedAxis<Scalar>> shared_axis_;
   std::vector<BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<BodyRoot<Scalar>> inlet_body_;
-  std::vector<char> heavy_;                   // of a frame; empty if none is
-  std::vector<char> carries_heavy_;           // of a subsystem
-  std::vector<RowTape<Scalar>> tapes_;        // of a subsystem
+  HeavyFrames<Scalar> heavy_;
+  std::vector<RowTape<Scalar>> tapes_;        // of a subsystem; empty if nothing is heavy
   std::vector<RowTape<Scalar>> frame_tapes_;  // of a frame
   Turns<Scalar> turns_;
   ParallelAxes<Scalar> axes_;
@@ -273,7 +227,7 @@ public:
         }
       }
       if constexpr (update == Update::square_root) {
-        this->make_tape(node, S::n_i, S::n_frames, detail::rotor_count<S>() + detail::spring_count<S>());
+        this->add_tape(node, S::n_i, S::n_frames, detail::rotor_count<S>() + detail::spring_count<S>());
       }
       state.c.setZero();
       state.r.setZero();
