@@ -27,7 +27,8 @@ void in_cycle(const std::string& what, F&& f)
 }
 
 /// Robot with everything that a cycle may meet: floating base, motor-arms with rotors on their inlets, branches, points.
-inline StandardAssembly<double> robot()
+/// `finger`: how many times as heavy as the hand its finger is, on which a wrench acts.
+inline StandardAssembly<double> robot(double finger = 1)
 {
   StandardAssembly<double> assembly = models::biped<double>();
   Body<double> body;
@@ -48,6 +49,8 @@ inline StandardAssembly<double> robot()
   on.parent = "slide";
   assembly.add("hand", on, FixedLink<double>{{}, body});
   on.parent = "hand";
+  body.mass *= finger;
+  body.inertia *= finger;
   assembly.add("finger", on, RevoluteLink<double>{{Vector3<double>(0.6, 0, 0.8)}, body});
   return assembly;
 }

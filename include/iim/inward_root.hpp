@@ -240,8 +240,8 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
   Scalar undone(1);                    // W S
   Scalar within_S(0);                  // Σ v n S over what lies within
-  Scalar own_load = ws.load()(node.v);  // S h' on the inlet, but for
-  [[maybe_unused]] Scalar own_moment(0);  // the moment of rotors
+  Scalar own_load = ws.load()(node.v);     // S h' on the inlet
+  [[maybe_unused]] Scalar own_moment(0);  // of it the rotors', which a large load would take the digits of
   [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S, const Scalar& with_S) {
     slip += ratio(0) * against_S;
     within_S += ratio(0) * with_S;

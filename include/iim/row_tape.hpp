@@ -28,7 +28,7 @@ struct Arrival {
 template <class Scalar>
 class RowTape {
 public:
-  /// For as many more reflections of so many rows, with as many sortings.
+  /// For as many more reflections of so many rows, and other steps.
   void add_room(std::size_t reflections, std::size_t rows, std::size_t others)
   {
     steps_.resize(steps_.size() + reflections + others);

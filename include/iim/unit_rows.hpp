@@ -19,6 +19,7 @@
 
 namespace iim::detail {
 
+/// Unit columns beside the rows of a body, one for each, and what Q makes of them from subsystem to subsystem.
 template <class Scalar>
 class UnitRows {
 public:
