@@ -89,8 +89,8 @@ struct Driven : M {
   template <class T>
   auto cast() const
   {
-    using Other = decltype(M::template cast<T>());
-    Driven<Other, n_motors> other{M::template cast<T>()};
+    const M& mechanism = *this;
+    Driven<decltype(mechanism.template cast<T>()), n_motors> other{mechanism.template cast<T>()};
     for (std::size_t j = 0; j < count; ++j) { other.motor[j] = motor[j].template cast<T>(); }
     other.carrier = carrier;
     other.transmission = transmission.template cast<T>();

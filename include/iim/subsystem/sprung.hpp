@@ -67,7 +67,8 @@ struct Sprung : Part {
   template <class T>
   auto cast() const
   {
-    return Sprung<decltype(Part::template cast<T>())>{Part::template cast<T>(), stiffness.template cast<T>(),
+    const Part& part = *this;
+    return Sprung<decltype(part.template cast<T>())>{part.template cast<T>(), stiffness.template cast<T>(),
                                                       damping.template cast<T>(), rest.template cast<T>()};
   }
 };
