@@ -19,14 +19,13 @@ template <class Scalar>
 using Parts =
     Assembly<FloatingBase<Scalar>, RevoluteLink<Scalar>, Sprung<MotorArm<Scalar>>, ElasticMotorArm<Scalar>>;
 
-template <class Scalar>
 struct Result {
   VectorX<long double> qdd0;
   MatrixX<long double> Bhat;
 };
 
 template <class Scalar>
-Result<Scalar> step(const Parts<double>& parts, const test::RandomState& state, double h)
+Result step(const Parts<double>& parts, const test::RandomState& state, double h)
 {
   const DynamicTree tree(parts.cast<Scalar>());
   const Inputs inputs(tree);

@@ -136,13 +136,6 @@ bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>
   return regular;
 }
 
-/// Σ_k a(k) b(k).
-template <class Scalar>
-[[gnu::always_inline]] inline Scalar dot_of_six(const RootRow<Scalar>& a, const RootRow<Scalar>& b)
-{
-  return ((a(0) * b(0) + a(1) * b(1)) + (a(2) * b(2) + a(3) * b(3))) + (a(4) * b(4) + a(5) * b(5));
-}
-
 /// Σ_k rows[k] rows[k](d), d < 6: of rows with the six columns of X, the columns of XᵀX.
 template <class Scalar>
 [[gnu::always_inline]] inline void products(const std::array<RootRow<Scalar>, 6>& left,

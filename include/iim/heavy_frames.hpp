@@ -16,6 +16,7 @@ namespace iim::detail {
 template <class Scalar>
 class HeavyFrames {
 public:
+  HeavyFrames() = default;  ///< none
   [[gnu::cold]] explicit HeavyFrames(const TreeData<Scalar>& tree)
   {
     const auto of = [](const FrameMass<Scalar>& body) { return Size{body.mass, sum_of_moments(body.inertia)}; };

@@ -169,10 +169,13 @@ protected:
         return;
       }
     }
-    project_point(ws, input, beta, depth);
     if constexpr (Workspace::update == Update::square_root) {
-      if (ws.is_heavy(input.frame)) [[unlikely]] { project_on_rows(ws, input, beta, depth); }
+      if (ws.is_heavy(input.frame)) [[unlikely]] {
+        project_on_rows(ws, input, beta, depth);
+        return;
+      }
     }
+    project_point(ws, input, beta, depth);
   }
 
   /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`

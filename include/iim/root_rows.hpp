@@ -99,6 +99,13 @@ template <class Scalar>
   }
 }
 
+/// Σ_k a(k) b(k), k < 6.
+template <class Scalar>
+[[gnu::always_inline]] inline Scalar dot_of_six(const RootRow<Scalar>& a, const RootRow<Scalar>& b)
+{
+  return ((a(0) * b(0) + a(1) * b(1)) + (a(2) * b(2) + a(3) * b(3))) + (a(4) * b(4) + a(5) * b(5));
+}
+
 /// Size of a row to sort by: ‖n‖₁, a finite number also where n is not, and less than the largest.
 template <class Scalar>
 [[gnu::always_inline]] inline Scalar size_of(const RootRow<Scalar>& n)

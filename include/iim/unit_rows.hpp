@@ -8,6 +8,7 @@
 #pragma once
 
 #include <iim/heavy_frames.hpp>
+#include <iim/root_rows.hpp>
 #include <iim/row_tape.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -70,8 +71,7 @@ public:
   /// z₁ at a path position under z in the rows of the body.
   Scalar at(Index position, const RootRow<Scalar>& z) const
   {
-    const RootRow<Scalar>& n = z_1_[static_cast<std::size_t>(position)];
-    return ((n(0) * z(0) + n(1) * z(1)) + (n(2) * z(2) + n(3) * z(3))) + (n(4) * z(4) + n(5) * z(5));
+    return dot_of_six(z_1_[static_cast<std::size_t>(position)], z);
   }
 
 private:

@@ -133,7 +133,7 @@ public:
 
 protected:
   [[gnu::cold]] explicit WorkspaceData(const TreeData<Scalar>& tree)
-      : tree_(&tree), frames_(static_cast<std::size_t>(tree.n_frames())), heavy_(tree), qdd_(tree.n_v()), load_(tree.n_v()),
+      : tree_(&tree), frames_(static_cast<std::size_t>(tree.n_frames())), qdd_(tree.n_v()), load_(tree.n_v()),
         Bbar_(tree.n_bbar())
   {
     if constexpr (update == Update::square_root) {
@@ -141,6 +141,7 @@ protected:
       for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
       root_.resize(frames_.size());
       shared_axis_.resize(static_cast<std::size_t>(tree.size()));
+      heavy_ = HeavyFrames<Scalar>(tree);
       if (heavy_.any()) {
         tapes_.resize(static_cast<std::size_t>(tree.size()));
         frame_tapes_.resize(frames_.size());
