@@ -13,7 +13,6 @@
 #include <iim/sweep.hpp>
 #include <iim/workspace.hpp>
 
-#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <concepts>
@@ -28,26 +27,28 @@ namespace detail {
 /// if it never does.
 ///
 /// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as measured
-/// with AVX-512, AVX2 and SSE2 on chains to 100 links and trees to 63 (wrong in 9 of 258 cases, by 11 % at most), otherwise
-/// as counted. Columns are taken to be spread over the inputs of the tree evenly.
+/// with AVX-512, AVX2 and SSE2 on chains to 300 links, trees to 255 and the biped (slower by more than 10 % than the other
+/// form in 31 of 735 cases, by 1 % in the mean), otherwise as counted. Columns are taken to be spread over the inputs of the
+/// tree evenly.
 template <class Scalar>
 [[gnu::cold]] Index product_pays_from(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
 {
-  constexpr double lanes = lane_count<Scalar>, width = register_lanes<Scalar>;  // of a step of the product, of the sweep
+  constexpr double lanes = lane_count<Scalar>, width = register_lanes<Scalar>;  // of a step of the product, of a narrow sweep
   constexpr double registers = lanes / width;
   struct Cost {
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
-  constexpr double call_cost = several ? 115 : 0;  // of the product
-  constexpr double input_cost = several ? 24 : 0;  // and per column of B̂, beyond the sweep's
-  constexpr Cost node_cost = several ? Cost{20, 21} : Cost{0, 12};
-  constexpr Cost column_cost = several ? Cost{12, 24} : Cost{10, 13};
-  constexpr Cost outward_cost = several ? Cost{33, 46} : Cost{12, 15};
-  constexpr Cost inward_cost = several ? Cost{60, 31} : Cost{28, 15};
-  double factors = call_cost;  // L and H
+  constexpr double call_cost = several ? 40 : 0;  // of the product
+  constexpr double input_cost = several ? 6 : 0;  // and per column of B̂, beyond the sweep's
+  constexpr Cost node_cost = several ? Cost{30, 10} : Cost{0, 12};
+  constexpr Cost column_cost = several ? Cost{8, 45} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{25, 50} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{63, 60} : Cost{28, 15};
+  constexpr double wide_cost = 1.25;    // a wide sweep of a narrow one's
+  double factors = call_cost;           // L and H
   double everywhere = 0;                // outward loop of the sweep
-  double longest = 0;                   // its inward loop, along the longest path of an input
+  double inward = 0;                    // its inward loop, along the paths of the inputs' columns
   std::vector<double> path(static_cast<std::size_t>(tree.size()), 0);
   std::vector<double> rows(static_cast<std::size_t>(tree.size()), 0);  // products of one column of B̂ with L
   for (const Node& node : tree.nodes()) {
@@ -65,16 +66,20 @@ template <class Scalar>
   double product = 0;
   for (Index id = 0; id < inputs.blocks(); ++id) {
     const Input<Scalar>& input = inputs.block(id);
-    product += static_cast<double>(input.size) * rows[static_cast<std::size_t>(input.subsystem)];
-    longest = std::max(longest, path[static_cast<std::size_t>(input.subsystem)]);
+    const auto i = static_cast<std::size_t>(input.subsystem);
+    product += static_cast<double>(input.size) * rows[i];
+    inward += static_cast<double>(input.size) * path[i];
   }
   const Index most = inputs.max_columns();
-  const double column = input_cost + (most > 0 ? product / static_cast<double>(most) : 0.0);
+  const double each = most > 0 ? 1 / static_cast<double>(most) : 0.0;
+  const double column = input_cost + product * each;
+  const double sweep = everywhere + inward * each;
   // The sweep's cost goes in steps of its width: the last step below the product counts.
   Index from = most + 1;
   for (; from > 1; --from) {
     const double count = static_cast<double>(from - 1);
-    if (factors + count * column >= std::ceil(count / width) * (everywhere + longest)) { break; }
+    const double sweeps = !several || count <= width ? std::ceil(count / width) : wide_cost * std::ceil(count / (2 * width));
+    if (factors + count * column >= sweeps * sweep) { break; }
   }
   return from;
 }
@@ -130,7 +135,7 @@ private:
   Index max_columns_;
   Index product_from_;
   std::optional<detail::ProductForm<Tree>> product_;
-  std::optional<detail::Sweep<Tree, detail::register_lanes<Scalar>>> sweep_;
+  std::optional<detail::Sweeps<Tree>> sweep_;
   detail::ResultMemory<Scalar> result_;
 };
 

@@ -18,6 +18,7 @@
 #include <iim/workspace.hpp>
 
 #include <array>
+#include <optional>
 
 namespace iim::detail {
 
@@ -248,6 +249,36 @@ public:
       ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
     });
   }
+};
+
+/// Columns of B̂ by sweeps of as many lanes as pay: those of a vector register, or of two where more columns are active. A step
+/// waits for the one before it, and with two registers computes meanwhile (chain of 1000, all joints driven: 0.61 of the time
+/// with AVX-512, 0.65 with AVX2; but 7 and 20 % more for up to a register's columns).
+template <class Tree>
+class Sweeps {
+  static constexpr int lanes = register_lanes<typename Tree::Scalar>;
+  static constexpr bool several = lanes > 1;
+
+public:
+  [[gnu::cold]] Sweeps(const Tree& tree, const Inputs<Tree>& inputs) : inputs_(&inputs), narrow_(tree, inputs)
+  {
+    if (several && inputs.max_columns() > lanes) { wide_.emplace(tree, inputs); }
+  }
+
+  /// As of a Sweep.
+  template <class Workspace, class Matrix>
+  bool operator()(const Workspace& ws, Matrix& Bhat)
+  {
+    if constexpr (several) {
+      if (inputs_->columns() > lanes) { return (*wide_)(ws, Bhat); }
+    }
+    return narrow_(ws, Bhat);
+  }
+
+private:
+  const Inputs<Tree>* inputs_;
+  Sweep<Tree, lanes> narrow_;
+  std::optional<Sweep<Tree, several ? 2 * lanes : 1>> wide_;
 };
 
 }  // namespace iim::detail

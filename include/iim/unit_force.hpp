@@ -13,6 +13,7 @@
 #include <iim/workspace.hpp>
 
 #include <cassert>
+#include <type_traits>
 
 namespace iim {
 
@@ -74,9 +75,9 @@ private:
 };
 
 /// B̂ and q̈₀ by unit forces on the workspace of the O(n) pass: per input a bias pass along its path to the world and an
-/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other.
-/// Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
-template <class Tree, int width = detail::register_lanes<typename Tree::Scalar>>
+/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other, 0: as many as
+/// pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
+template <class Tree, int width = 0>
 class UnitForce {
 public:
   using Scalar = typename Tree::Scalar;
@@ -102,7 +103,7 @@ public:
 private:
   const Inputs<Tree>* inputs_;
   Index max_columns_;
-  detail::Sweep<Tree, width> sweep_;
+  std::conditional_t<width == 0, detail::Sweeps<Tree>, detail::Sweep<Tree, width>> sweep_;
   detail::ResultMemory<Scalar> result_;
 };
 
