@@ -129,7 +129,7 @@ public:
 protected:
   // Inlined: called, it costs the pass of an arm 1 %.
   template <class S>
-  [[gnu::always_inline]] void accelerate(const Node& node, const NodeState<S>& state)
+  [[gnu::always_inline]] void accelerate(const Node& node, const NodeMemory<S>& state)
   {
     Vector6<Scalar> y;
     [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
@@ -152,7 +152,7 @@ protected:
       qdd(d) = -state.psi(d) - ((state.W(d, 0) * y(0) + state.W(d, 1) * y(1) + state.W(d, 2) * y(2)) +
                                 (state.W(d, 3) * y(3) + state.W(d, 4) * y(4) + state.W(d, 5) * y(5)));
       ws_.qdd()(node.v + d) = qdd(d) - undone;
-      if constexpr (one_column<S, Data> && has_within<S>()) { qdd(d) += slip; }
+      if constexpr (one_column<S, Data>) { qdd(d) += slip; }
     }
 #pragma GCC unroll 2
     for (int k = 0; k < S::n_frames; ++k) {
@@ -193,7 +193,7 @@ protected:
 private:
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
   template <class S>
-  Vector6<Scalar> guidance(const Node& node, const NodeState<S>& state, Scalar& undone, Scalar& slip) const
+  Vector6<Scalar> guidance(const Node& node, const NodeMemory<S>& state, Scalar& undone, Scalar& slip) const
   {
     if constexpr (Data::update == Update::square_root) {
       const RootInertia<Scalar>& inlet = ws_.root(node.inlet);

@@ -176,7 +176,7 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
   VectorI along;
   for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
   if (losing) [[unlikely]] {
-    along = along_loss<S>(&ws.frame(node.frame), state);
+    along = along_loss(&ws.frame(node.frame), state);
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
@@ -242,7 +242,7 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
   FrameState<Scalar>& inlet = ws.frame(node.inlet);
   hand_on<scene>(A, hg, state.c, state.r, inlet);
   for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
-  if (losing) [[unlikely]] { pass_loss<S>(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
+  if (losing) [[unlikely]] { pass_loss(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
 }
 
 /// A subsystem without internal velocities hands on what it carries.

@@ -139,7 +139,7 @@ protected:
 
   /// Step 2 at one subsystem: L and H; β = Hᵀ w or Lᵀ B̄ for the inputs that act on it.
   template <class S, class Workspace>
-  void outward(const Node& node, const NodeState<S>& state, const Workspace& ws)
+  void outward(const Node& node, const NodeMemory<S>& state, const Workspace& ws)
   {
     const Step& step = steps_[at(node.index)];
     propagate<S>(ws, node, state, step);
@@ -163,7 +163,7 @@ protected:
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
     Scalar* const beta = row(first_beta_ + projection.column);
-    if constexpr (S::n_u > 0 && (lanes == 1 || S::n_i > 1)) {
+    if constexpr (lanes == 1 || S::n_i > 1) {
       if (input.kind == InputKind::motor) {
         project_motor<S>(ws, input, beta, depth);
         return;
@@ -181,7 +181,7 @@ protected:
   /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`
   /// ones: y = 0, L_i = C. The last lanes after these are zero, and therefore so in all that follows from them.
   template <class S, class Workspace>
-  [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeState<S>& state, const Step& step)
+  [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeMemory<S>& state, const Step& step)
   {
     constexpr int n_i = S::n_i;
     constexpr bool apart = one_column<S, Workspace>;
@@ -214,7 +214,7 @@ protected:
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
             undone = shared.undone * inlet_rate;
-            if constexpr (has_within<S>()) { slip = shared.slip * inlet_rate; }
+            slip = shared.slip * inlet_rate;
           }
         }
         for (int d = 0; d < n_i; ++d) {
@@ -224,11 +224,7 @@ protected:
       }
       if constexpr (!is_free<S>()) { moves = l; }
       if constexpr (apart) {
-        if constexpr (has_within<S>()) {
-          store(frames[0] + components * a + rate * lanes, l[0] + slip);
-        } else {
-          store(frames[0] + components * a + rate * lanes, l[0]);
-        }
+        store(frames[0] + components * a + rate * lanes, l[0] + slip);
         l[0] -= undone;
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }

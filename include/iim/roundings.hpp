@@ -66,7 +66,7 @@ template <class Scalar, int n>
 
 /// Sᵀ loss of the frames that have any.
 template <class S>
-[[gnu::noinline]] Velocities<S> along_loss(const FrameState<typename S::Scalar>* frames, const NodeState<S>& state)
+[[gnu::noinline]] Velocities<S> along_loss(const FrameState<typename S::Scalar>* frames, const NodeMemory<S>& state)
 {
   Velocities<S> along = Velocities<S>::Zero();
   for (int k = 0; k < S::n_frames; ++k) {
@@ -87,7 +87,7 @@ template <class Scalar>
 
 /// Row d of W.
 template <class S>
-TriplePair<typename S::Scalar> gain(const NodeState<S>& state, int d)
+TriplePair<typename S::Scalar> gain(const NodeMemory<S>& state, int d)
 {
   const auto& W = state.W;
   return {{W(d, 0), W(d, 1), W(d, 2)}, {W(d, 3), W(d, 4), W(d, 5)}};
@@ -105,7 +105,7 @@ void add_loss(TriplePair<Scalar> loss, const Vector3<Scalar>& r, FrameState<Scal
 
 /// What is left of loss, or what weak pivots leave, to the inlet. scale: of D's roundings by those of A; along: Sᵀ loss.
 template <class S>
-[[gnu::noinline]] void pass_loss(const FrameState<typename S::Scalar>* frames, const NodeState<S>& state,
+[[gnu::noinline]] void pass_loss(const FrameState<typename S::Scalar>* frames, const NodeMemory<S>& state,
                                  const Velocities<S>& scale, const Velocities<S>& along, bool weak,
                                  FrameState<typename S::Scalar>& inlet)
 {

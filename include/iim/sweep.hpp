@@ -52,7 +52,7 @@ protected:
 
   /// Wrenches from the inputs to the world; leaves M̄_R⁻¹ τ in rows_.
   template <class S, class Workspace>
-  void inward(const Node& node, const NodeState<S>& state, const Workspace& ws)
+  void inward(const Node& node, const NodeMemory<S>& state, const Workspace& ws)
   {
     constexpr int n_i = S::n_i;
     if (reach_[at(node.index)] != acted) { return; }
@@ -102,7 +102,7 @@ protected:
         const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
         Lane& sum = along_[at(node.inlet)];
         sum += share * shared.undone;
-        if constexpr (apart && has_within<S>()) { sum += along_[at(node.frame)] * shared.slip; }
+        if constexpr (apart) { sum += along_[at(node.frame)] * shared.slip; }
         unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
       }
     }
@@ -119,7 +119,7 @@ protected:
 
   /// Accelerations from the world outward; leaves q̈ in rows_.
   template <class S, class Workspace>
-  void outward(const Node& node, const NodeState<S>& state, const Workspace& ws)
+  void outward(const Node& node, const NodeMemory<S>& state, const Workspace& ws)
   {
     constexpr int n_i = S::n_i;
     Reach& reach = reach_[at(node.index)];
@@ -142,7 +142,7 @@ protected:
           const Lane& rate = along_[at(node.inlet)];
           unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
           undone = rate * shared.undone;
-          if constexpr (has_within<S>()) { slip = rate * shared.slip; }
+          slip = rate * shared.slip;
         }
       }
     } else {
@@ -156,7 +156,7 @@ protected:
         unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
         rows_[at(node.v + d)] = row;
         if constexpr (apart) { rows_[at(node.v)] -= undone; }
-        if constexpr (apart && has_within<S>()) { row += slip; }
+        if constexpr (apart) { row += slip; }
       }
       if constexpr (!is_free<S>()) { qdd[d] = row; }
     });
@@ -191,7 +191,7 @@ protected:
 
   /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_ (free_root.hpp).
   template <class S>
-  void move_free(const RootInertia<Scalar>& inertia, const Node& node, const NodeState<S>& state, Six& p)
+  void move_free(const RootInertia<Scalar>& inertia, const Node& node, const NodeMemory<S>& state, Six& p)
   {
     Lane& along = along_[at(node.frame)];
     for (int d = 0; d < S::n_i; ++d) {  // forces of inputs on the velocities themselves

@@ -22,13 +22,13 @@ struct StepData {
   int n_i;
 
   template <class Type>
-  explicit StepData(NodeState<Type>& state)
+  explicit StepData(NodeMemory<Type>& state)
       : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()), n_i(Type::n_i)
   {
   }
 };
 template <class Type>
-StepData(NodeState<Type>&) -> StepData<typename Type::Scalar>;
+StepData(NodeMemory<Type>&) -> StepData<typename Type::Scalar>;
 
 /// Around the step of a subsystem while any axes are turned: what it reads turns into its own, what it has handed on turns
 /// into those of its inlet, and all but A and h returns to the world's.

@@ -50,14 +50,38 @@ struct SpringInertia {
   Scalar force;  ///< 0 where it is among the loads: without inertia, and but for the square-root form
 };
 
-/// What one subsystem keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
-template <class S>
-struct NodeState {
-  using Scalar = typename S::Scalar;
-  static constexpr int n_i = S::n_i;
+namespace detail {
 
-  std::array<Eigen::Matrix<Scalar, 6, n_i>, S::n_frames> S_k;  ///< twist of frame k per q̇_i, at the coupling point
-  Matrix3<Scalar> R;                                           ///< inlet to world
+/// What the steps of accelerations and of B̂ know of a type of subsystem. Those of one shape, as of a link and of a motor-arm, are
+/// compiled once.
+template <class Scalar_, int n_i_, int n_frames_, MotionPattern pattern_, bool is_free_, bool keeps_v_>
+struct Shape {
+  using Scalar = Scalar_;
+  static constexpr int n_i = n_i_;
+  static constexpr int n_frames = n_frames_;
+  static constexpr MotionPattern pattern = pattern_;
+  static constexpr bool is_free = is_free_;
+};
+template <class S>
+using ShapeOf = Shape<typename S::Scalar, S::n_i, S::n_frames, S::pattern, is_free<S>(), along<S>() != Along::nothing>;
+
+/// Whether in square-root form the frame of S moves by one column, and n S is kept beside each of its rows n.
+template <class S>
+inline constexpr bool keeps_v = along<S>() != Along::nothing;
+template <class Scalar, int n_i, int n_frames, MotionPattern pattern, bool is_free, bool keeps_v_>
+inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, keeps_v_>> = keeps_v_;
+
+template <class S, class Workspace>
+inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
+
+/// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
+template <class Shape>
+struct NodeMemory {
+  using Scalar = typename Shape::Scalar;
+  static constexpr int n_i = Shape::n_i;
+
+  std::array<Eigen::Matrix<Scalar, 6, n_i>, Shape::n_frames> S_k;  ///< twist of frame k per q̇_i, at the coupling point
+  Matrix3<Scalar> R;                                               ///< inlet to world
   Vector3<Scalar> r;                                 ///< coupling point from the parent's coupling point, r_pi [m]
   Vector3<Scalar> c;                                 ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
   Eigen::Matrix<Scalar, 6, n_i> U;                   ///< guidance–q̇ block of M̄*
@@ -67,8 +91,15 @@ struct NodeState {
   Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0)
   Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
   Eigen::Matrix<Scalar, n_i, 1> psi;                 ///< M̄_R⁻¹ (F_iᵀ h̄*)
-  [[no_unique_address]] std::array<SpringInertia<Scalar, n_i>, static_cast<std::size_t>(detail::spring_count<S>())>
-      springs;                                       ///< of an implicit step
+};
+
+}  // namespace detail
+
+/// What one subsystem keeps.
+template <class S>
+struct NodeState : detail::NodeMemory<detail::ShapeOf<S>> {
+  [[no_unique_address]] std::array<SpringInertia<typename S::Scalar, S::n_i>, static_cast<std::size_t>(detail::spring_count<S>())>
+      springs;  ///< of an implicit step
 };
 
 namespace detail {
@@ -195,10 +226,6 @@ protected:
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
 };
-
-/// In square-root form: the frame of S moves by one column, and n S is kept beside each of its rows n.
-template <class S, class Workspace>
-inline constexpr bool one_column = Workspace::update == Update::square_root && along<S>() != Along::nothing;
 
 }  // namespace detail
 
