@@ -61,8 +61,8 @@ public:
     const Index stride = rows.rows();
     for (RowBundle& bundle : plan_.row_bundles) {
       const Scalar* const row = rows.data() + bundle.v * stride;
-      gather([&](auto r) __attribute__((always_inline)) { return row + r * stride; },
-             [](auto) __attribute__((always_inline)) { return Scalar(1); }, bundle, L_.data() + bundle.registers * lanes);
+      gather([&](auto r) __attribute__((always_inline)) { return row + r * stride; }, nullptr, bundle,
+             L_.data() + bundle.registers * lanes);
       bundle.are_inputs = false;
     }
     for (ColumnBundle& bundle : plan_.column_bundles) {
@@ -89,7 +89,7 @@ public:
         const Scalar* const factor = scale.data() + bundle.first;
         const Index last = bundle.count - 1;  // instead of those that the bundle lacks
         gather([&](auto j) __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
-               [&](auto j) __attribute__((always_inline)) { return factor[std::min<Index>(j, last)]; }, bundle, beta_.data());
+               factor, bundle, beta_.data());
       }
       const Index from = bundle.same && bundle.same_rows <= mirrored ? bundle.same_rows : 0;
       for (Index j = 0; j < bundle.count; j += tile) {
@@ -111,15 +111,16 @@ private:
     return bits;
   }();
 
-  /// A bundle's rows, each times its scale, to one register per velocity: first by path position, then part by part.
-  template <class Row, class Scale>
-  [[gnu::always_inline]] void gather(Row&& row, Scale&& scale, const Bundle& bundle, Scalar* to) const
+  /// A bundle's rows, each times its scale if there are any, to one register per velocity: first by path position, then part by
+  /// part.
+  template <class Row>
+  [[gnu::always_inline]] void gather(Row&& row, const Scalar* scale, const Bundle& bundle, Scalar* to) const
   {
     for (Index a = 0; a < bundle.deepest; a += side) {
       unrolled<lanes / side>([&](auto part) __attribute__((always_inline)) {
         transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return row(part * side + r) + a; },
-                                [&](auto r) __attribute__((always_inline)) { return scale(part * side + r); },
-                                [&](auto r) __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; });
+                                [&](auto r) __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; },
+                                scale == nullptr ? nullptr : scale + part * side);
       });
     }
     const Part* const end = plan_.parts.data() + bundle.parts_end;
@@ -202,7 +203,6 @@ private:
           unrolled<lanes / side>([&](auto r) __attribute__((always_inline)) {
             transpose<Scalar, side>(
                 [&](auto k) __attribute__((always_inline)) { return copy.data() + (j * side + k) * lanes + r * side; },
-                [&](auto) __attribute__((always_inline)) { return Scalar(1); },
                 [&](auto k) __attribute__((always_inline)) {
                   return to_mirrored + row[r * side + k].begin + j * side;
                 });

@@ -215,19 +215,6 @@ public:
     return !any_sign(carried);
   }
 
-  /// In runs of 2·step lanes: `step` lanes from lane `from` on of this, then the same lanes of `other`.
-  template <int step, int from>
-  [[gnu::always_inline]] Lanes mixed(const Lanes& other) const
-  {
-    return [&]<int... k>(std::integer_sequence<int, k...>) {
-#if __has_builtin(__builtin_shufflevector)
-      return of(__builtin_shufflevector(v_, other.v_, ((k & step) == 0 ? k + from : k - step + from + N)...));
-#else
-      return of(Vector{((k & step) == 0 ? v_[(k + from) % N] : other.v_[(k - step + from) % N])...});
-#endif
-    }(std::make_integer_sequence<int, N>{});
-  }
-
   /// Keeps the number in a register from here on: the compiler no longer knows that it stands in memory, too.
   [[gnu::always_inline]] void hold()
   {

@@ -16,6 +16,7 @@
 #include <iim/implicit_inversion.hpp>
 #include <iim/inputs.hpp>
 #include <iim/lanes.hpp>
+#include <iim/transpose.hpp>
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
 
@@ -55,39 +56,17 @@ struct TreeIn<StaticTree<Nodes...>, Scalar> {
   using Type = StaticTree<In<Nodes>...>;
 };
 
-/// The rows of an N × N block become its columns.
-template <class T, int N>
-[[gnu::always_inline]] inline void transpose(std::array<iim::Lanes<T, N>, static_cast<std::size_t>(N)>& block)
-{
-  // Bit by bit of the indices: rows r and r + step exchange their halves of runs of 2·step lanes.
-  const auto exchange = [&]<int step>(std::integral_constant<int, step>) {
-    for (int r = 0; r < N; ++r) {
-      if ((r & step) != 0) { continue; }
-      auto& low = block[static_cast<std::size_t>(r)];
-      auto& high = block[static_cast<std::size_t>(r + step)];
-      const auto first = low.template mixed<step, 0>(high);
-      high = low.template mixed<step, step>(high);
-      low = first;
-    }
-  };
-  if constexpr (N > 1) { exchange(std::integral_constant<int, 1>{}); }
-  if constexpr (N > 2) { exchange(std::integral_constant<int, 2>{}); }
-  if constexpr (N > 4) { exchange(std::integral_constant<int, 4>{}); }
-  if constexpr (N > 8) { exchange(std::integral_constant<int, 8>{}); }
-}
-
 /// Entry r of lane l to targets[l][r], for l < count.
 template <class T, int N>
 void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, Index stride)
 {
-  std::array<iim::Lanes<T, N>, static_cast<std::size_t>(N)> block;
   Index r = 0;
-  for (; r + N <= size; r += N) {
-    std::copy(rows + r, rows + r + N, block.begin());
-    transpose<T, N>(block);
-    for (int l = 0; l < count; ++l) {
-      const T* column = block[static_cast<std::size_t>(l)].data();
-      std::copy(column, column + N, target + l * stride + r);
+  if constexpr (N > 1) {
+    std::array<T, N> beyond;
+    for (; r < size && size >= N; r += N) {
+      const Index begin = std::min(r, size - N);  // the last rows may be written twice
+      transpose<T, N>([&](auto k) __attribute__((always_inline)) { return rows[begin + k].data(); },
+                      [&](auto l) __attribute__((always_inline)) { return l < count ? target + l * stride + begin : beyond.data(); });
     }
   }
   for (; r < size; ++r) {
@@ -125,7 +104,7 @@ public:
         lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()), qd_(lane_tree_.n_v()), u_(inputs.max_columns()),
         qdd_(lane_tree_.n_v()), Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()),
         one_qd_(lane_tree_.n_v()), one_u_(inputs.max_columns()),
-        states_((lane_tree_.n_v() + Bhat_.size()) * lanes)
+        states_((whole_registers(lane_tree_.n_v()) + whole_registers(Bhat_.size())) * lanes)
   {
   }
   SeveralStates(const SeveralStates&) = delete;
@@ -173,13 +152,14 @@ public:
     const Index n = tree().n_v();
     for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
       const Index m = pack.Bhat.cols();
-      const Index size = n + n * m;
+      // q̈₀ and B̂ begin at a register's boundary.
+      const Index Bhat = whole_registers(n), size = Bhat + whole_registers(n * m);
       detail::from_lanes(pack.qdd0.data(), n, pack.count, states_.data(), size);
-      detail::from_lanes(pack.Bhat.data(), n * m, pack.count, states_.data() + n, size);
+      detail::from_lanes(pack.Bhat.data(), n * m, pack.count, states_.data() + Bhat, size);
       for (int l = 0; l < pack.count; ++l) {
         const Scalar* state = states_.data() + l * size;
         const Outcome& outcome = pack.outcome[at(l)];
-        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + n, n, m, Eigen::OuterStride<>(n)}, outcome.status,
+        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + Bhat, n, m, Eigen::OuterStride<>(n)}, outcome.status,
                                                  outcome.subsystem});
       }
     });
@@ -251,6 +231,7 @@ private:
   using LaneTree = typename detail::TreeIn<Tree, Pack>::Type;
 
   static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
+  static constexpr Index whole_registers(Index numbers) { return (numbers + lanes - 1) / lanes * lanes; }
 
   template <class Q, class V>
   void check([[maybe_unused]] const Eigen::MatrixBase<Q>& q, [[maybe_unused]] const Eigen::MatrixBase<V>& qd) const
@@ -273,16 +254,15 @@ private:
   static void load(const Matrix& m, Index first, int count, VectorX<Pack>& rows)
   {
     Index i = 0;
-    if constexpr (requires { m.data(); } && !Matrix::IsRowMajor) {
+    if constexpr (requires { m.data(); } && !Matrix::IsRowMajor && lanes > 1) {
       if (m.innerStride() == 1) {  // squares of numbers, turned (2 % of the time of a biped, 3 % with clang)
-        for (; i + lanes <= m.rows(); i += lanes) {
-          std::array<Pack, static_cast<std::size_t>(lanes)> block;
-          for (int l = 0; l < lanes; ++l) {
-            const Scalar* column = m.data() + (first + std::min(l, count - 1)) * m.outerStride() + i;
-            std::copy(column, column + lanes, block[at(l)].data());
-          }
-          detail::transpose<Scalar, lanes>(block);
-          std::copy(block.begin(), block.end(), rows.data() + i);
+        for (; i < m.rows() && m.rows() >= lanes; i += lanes) {
+          const Index begin = std::min(i, m.rows() - lanes);  // the last rows may be read twice
+          detail::transpose<Scalar, lanes>(
+              [&](int l) __attribute__((always_inline)) {
+                return m.data() + (first + std::min(l, count - 1)) * m.outerStride() + begin;
+              },
+              [&](auto k) __attribute__((always_inline)) { return rows(begin + k).data(); });
         }
       }
     }

@@ -179,7 +179,6 @@ protected:
         for (int part = 0; part < count; part += side) {
           std::array<Scalar, side> beyond;
           transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return &entry(rows[r], part); },
-                                  [](auto) __attribute__((always_inline)) { return Scalar(1); },
                                   [&](auto c) __attribute__((always_inline)) {
                                     return part + c < count ? &Bhat(begin, columns[at(part + c)]) : beyond.data();
                                   });

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/registers.hpp>
+#include <iim/row.hpp>
 
 #include <cstring>
 #include <type_traits>
@@ -9,30 +10,36 @@
 
 namespace iim::detail {
 
-/// side × side numbers, row r at from(r) and times scale(r), to columns, column c at to(c): bit by bit of the indices, rows
-/// r and r + step exchange lanes.
-template <class Scalar, int side, class From, class Scale, class To>
-[[gnu::always_inline]] inline void transpose(From&& from, Scale&& scale, To&& to)
+/// side × side numbers, row r at from(r), to columns, column c at to(c), with row r times scale[r] if that is given: bit by bit of
+/// the indices, rows r and r + step exchange lanes.
+template <class Scalar, int side, class From, class To>
+[[gnu::always_inline]] inline void transpose(From&& from, To&& to, const Scalar* scale = nullptr)
 {
-  using Vector [[gnu::vector_size(side * sizeof(Scalar))]] = Scalar;
+  using Vector = typename VectorOf<Scalar, side>::Type;
   Vector rows[side];
-  unrolled<side>([&](auto r) __attribute__((always_inline)) {
-    std::memcpy(&rows[r], from(r), sizeof(Vector));
-    rows[r] *= scale(r);
-  });
-  const auto exchange = [&]<int step, int... k>(std::integral_constant<int, step>, std::integer_sequence<int, k...>) {
-    for (int r = 0; r < side; ++r) {
-      if ((r & step) != 0) { continue; }
-      const Vector upper = rows[r], lower = rows[r + step];
-      rows[r] = __builtin_shufflevector(upper, lower, ((k & step) == 0 ? k : k - step + side)...);
-      rows[r + step] = __builtin_shufflevector(upper, lower, ((k & step) == 0 ? k + step : k + side)...);
-    }
+  unrolled<side>([&](auto r) __attribute__((always_inline)) { std::memcpy(&rows[r], from(r), sizeof(Vector)); });
+  const auto exchange = [&]<int step, int... k>(std::integral_constant<int, step>, std::integer_sequence<int, k...>)
+                            __attribute__((always_inline)) {
+    unrolled<side>([&](auto r) __attribute__((always_inline)) {
+      if constexpr ((r & step) == 0) {
+        const Vector upper = rows[r], lower = rows[r + step];
+        rows[r] = __builtin_shufflevector(upper, lower, ((k & step) == 0 ? k : k - step + side)...);
+        rows[r + step] = __builtin_shufflevector(upper, lower, ((k & step) == 0 ? k + step : k + side)...);
+      }
+    });
   };
   constexpr std::make_integer_sequence<int, side> lane;
   if constexpr (side > 1) { exchange(std::integral_constant<int, 1>{}, lane); }
   if constexpr (side > 2) { exchange(std::integral_constant<int, 2>{}, lane); }
   if constexpr (side > 4) { exchange(std::integral_constant<int, 4>{}, lane); }
-  unrolled<side>([&](auto r) __attribute__((always_inline)) { std::memcpy(to(r), &rows[r], sizeof(Vector)); });
+  if constexpr (side > 8) { exchange(std::integral_constant<int, 8>{}, lane); }
+  static_assert(side <= 16);
+  if (scale != nullptr) {
+    Vector factor;
+    std::memcpy(&factor, scale, sizeof(Vector));
+    unrolled<side>([&](auto c) __attribute__((always_inline)) { rows[c] *= factor; });
+  }
+  unrolled<side>([&](auto c) __attribute__((always_inline)) { std::memcpy(to(c), &rows[c], sizeof(Vector)); });
 }
 
 }  // namespace iim::detail
