@@ -191,13 +191,13 @@ template <class Scalar>
 class SortedInputs {
 public:
   [[gnu::cold]] explicit SortedInputs(const InputBlocks<Scalar>& inputs)
-      : inputs_(&inputs), end_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
+      : inputs_(&inputs), begin_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
   {
-    for (Index id = 0; id < inputs.blocks(); ++id) { order_.push_back(id); }
-    std::stable_sort(order_.begin(), order_.end(),
-                     [&](Index a, Index b) { return inputs.block(a).subsystem < inputs.block(b).subsystem; });
-    for (const Index id : order_) { ++end_[static_cast<std::size_t>(inputs.block(id).subsystem) + 1]; }
-    for (std::size_t i = 1; i < end_.size(); ++i) { end_[i] += end_[i - 1]; }
+    const auto end_of = [&](Index id) -> std::size_t& { return begin_[static_cast<std::size_t>(inputs.block(id).subsystem)]; };
+    for (Index id = 0; id < inputs.blocks(); ++id) { ++end_of(id); }
+    for (std::size_t i = 1; i < begin_.size(); ++i) { begin_[i] += begin_[i - 1]; }
+    order_.resize(static_cast<std::size_t>(inputs.blocks()));
+    for (Index id = inputs.blocks() - 1; id >= 0; --id) { order_[--end_of(id)] = id; }
     bhat_column_.assign(order_.size(), -1);
   }
 
@@ -230,8 +230,8 @@ public:
   template <class F>
   [[gnu::always_inline]] void for_each_on(Index subsystem, F&& f) const
   {
-    const std::size_t end = end_[static_cast<std::size_t>(subsystem) + 1];
-    for (std::size_t k = end_[static_cast<std::size_t>(subsystem)]; k < end; ++k) { call(k, f); }
+    const std::size_t end = begin_[static_cast<std::size_t>(subsystem) + 1];
+    for (std::size_t k = begin_[static_cast<std::size_t>(subsystem)]; k < end; ++k) { call(k, f); }
   }
 
   /// The same for all active blocks, sorted.
@@ -252,7 +252,7 @@ private:
   const InputBlocks<Scalar>* inputs_;
   Index changes_ = -1;              // of the inputs, when they were numbered
   std::vector<Index> order_;
-  std::vector<std::size_t> end_;    // of a subsystem: place in order_ behind the blocks on those before it
+  std::vector<std::size_t> begin_;  // of a subsystem: place in order_ of its first block
   std::vector<Index> bhat_column_;  // of a block: first column of B̂; −1: not active
 };
 

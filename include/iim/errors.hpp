@@ -42,7 +42,7 @@ namespace detail {
 
 template <class Scalar>
   requires(!std::is_base_of_v<Eigen::DenseBase<Scalar>, Scalar>)
-std::string to_text(const Scalar& x)
+[[gnu::cold]] std::string to_text(const Scalar& x)
 {
   std::ostringstream text;
   if constexpr (requires { text << x; }) {
@@ -53,18 +53,26 @@ std::string to_text(const Scalar& x)
   return text.str();
 }
 
-template <class Derived>
-std::string to_text(const Eigen::DenseBase<Derived>& m)
+/// Entry (i, j) at m[i·row + j·column].
+template <class Scalar>
+[[gnu::cold]] std::string to_text(const Scalar* m, Eigen::Index rows, Eigen::Index columns, Eigen::Index row, Eigen::Index column)
 {
   std::string text = "(";
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    if (i > 0) { text += m.cols() > 1 ? "; " : ", "; }
-    for (Eigen::Index j = 0; j < m.cols(); ++j) {
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    if (i > 0) { text += columns > 1 ? "; " : ", "; }
+    for (Eigen::Index j = 0; j < columns; ++j) {
       if (j > 0) { text += ", "; }
-      text += to_text(typename Derived::Scalar(m.derived().coeff(i, j)));
+      text += to_text(m[i * row + j * column]);
     }
   }
   return text + ")";
+}
+
+template <class Derived>
+std::string to_text(const Eigen::DenseBase<Derived>& m)
+{
+  const auto& plain = m.derived().eval();
+  return to_text(plain.data(), plain.rows(), plain.cols(), plain.rowStride(), plain.colStride());
 }
 
 template <class Scalar>

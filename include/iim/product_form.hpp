@@ -198,7 +198,9 @@ protected:
         place(state.MbarR_inv_root(0, 0), node.path_v - a, l[0]);
       } else if (a >= own_from) {  // 2 % of several states
         for (Index e = std::max<Index>(0, a - node.path_v); e < std::min(own, a + lanes - node.path_v); ++e) {
-          for (int d = 0; d < n_i; ++d) { place(state.MbarR_inv_root(d, e), node.path_v + e - a, l[at(d)]); }
+          for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) {
+            place(state.MbarR_inv_root(d, e), node.path_v + e - a, l[at(d)]);
+          });
         }
       }
       std::array<Lanes, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
@@ -217,9 +219,9 @@ protected:
             slip = shared.slip * inlet_rate;
           }
         }
-        for (int d = 0; d < n_i; ++d) {
+        for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) {
           for (int c = 5; c >= 0; --c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
-        }
+        });
         if constexpr (is_free<S>()) { y.fill(Lanes::Zero()); }
       }
       if constexpr (!is_free<S>()) { moves = l; }
@@ -242,7 +244,7 @@ protected:
         for (int c = 0; c < 6; ++c) {
           Lanes h = y[at(c)];
           if (!apart && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
-            for (int d = 0; d < n_i; ++d) { h += state.S_k[at(k)](c, d) * moves[at(d)]; }
+            for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) { h += state.S_k[at(k)](c, d) * moves[at(d)]; });
           }
           store(frames[at(k)] + components * a + c * lanes, h);
         }

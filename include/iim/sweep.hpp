@@ -67,7 +67,7 @@ protected:
       move_free(ws.root(node.frame), node, state, p);
     } else if constexpr (n_i > 0) {
       std::array<Lane, n_i> tau;
-      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+      for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         tau[d] = rows_[at(node.v + d)];
         if constexpr (apart) {
           share = -tau[0];
@@ -80,9 +80,9 @@ protected:
           });
         }
       });
-      unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+      for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
-        unrolled<n_i - 1>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
+        for_each_velocity<n_i - 1, Scalar>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
         if constexpr (Workspace::update == Update::square_root) {
           if (shared_) [[unlikely]] {
             for (int e = 0; e < n_i; ++e) { row += shares_[at(node.v + e)] * state.MbarR_inv_root.coeff(d, e); }
@@ -93,7 +93,7 @@ protected:
       if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
       if (node.inlet < 0) { return; }
       unrolled<6>([&](auto c) __attribute__((always_inline)) {
-        unrolled<n_i>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
+        for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
       });
     }
     if (is_free<S>() || node.inlet < 0) { return; }
@@ -149,7 +149,7 @@ protected:
       clear(y);
     }
     std::array<Lane, n_i> qdd;
-    unrolled<n_i>([&](auto d) __attribute__((always_inline)) {
+    for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
       qdd[d] = rows_[at(node.v + d)];
       Lane row = qdd[d];
       if (guided) {
@@ -182,7 +182,7 @@ protected:
       unrolled<6>([&](auto c) __attribute__((always_inline)) {
         Lane sum = y[c];
         if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
-          unrolled<n_i>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
+          for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
         }
         Vdot[c] = sum;
       });
