@@ -1,3 +1,4 @@
+// PROGRAM: tests_drives
 // Compound: the laws, and a wrist as one subsystem against the same wrist as three.
 #include "catch.hpp"
 #include "type_robots.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_drives
 // Coupled drives: the laws, and rotors as bodies of their own, tied to the joints by a constraint.
 #include "catch.hpp"
 #include "type_robots.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_drives
 // Elastic motor-arm: the laws; rotor and arm as two bodies with a spring; the rigid motor-arm as a limit.
 #include "catch.hpp"
 #include "type_robots.hpp"
@@ -11,9 +12,9 @@ using namespace iim::test;
 namespace {
 
 using Elastic = ElasticMotorArm<double>;
-using Parts = Assembly<RevoluteLink<double>, Elastic, MotorArm<double>>;
+using ElasticParts = Assembly<RevoluteLink<double>, Elastic, MotorArm<double>>;
 
-Elastic random_drive(Random& random)
+Elastic random_elastic(Random& random)
 {
   Elastic drive{{random.axis()}, random.body(), random.motor(), random.uniform(10, 1000), random.uniform(0, 10)};
   drive.motor.armature = false;
@@ -26,10 +27,10 @@ Elastic random_drive(Random& random)
 
 /// base – drive – load, the drive added by `add`.
 template <class F>
-DynamicTree<RevoluteLink<double>, Elastic, MotorArm<double>> robot(std::uint64_t seed, F&& add)
+DynamicTree<RevoluteLink<double>, Elastic, MotorArm<double>> robot(std::uint64_t number, F&& add)
 {
-  Random random(seed);
-  Parts parts;
+  Random random(number);
+  ElasticParts parts;
   parts.add("base", {}, RevoluteLink<double>{{random.unit()}, random.body()});
   add(parts, random_attachment(random, "base"));
   parts.add("load", random_attachment(random, "arm"), RevoluteLink<double>{{random.unit()}, random.body()});
@@ -41,7 +42,7 @@ DynamicTree<RevoluteLink<double>, Elastic, MotorArm<double>> robot(std::uint64_t
 TEST_CASE("An elastic motor-arm obeys the laws")
 {
   Random random(21);
-  const LawReport report = check_laws(random_drive(random));
+  const LawReport report = check_laws(random_elastic(random));
   INFO(report.text());
   CHECK(report.ok());
   CHECK(report.laws.size() == 11);
@@ -51,9 +52,9 @@ TEST_CASE("An elastic drive is a rotor and an arm with a spring between them")
 {
   Random random(22);
   for (std::uint64_t k = 0; k < 100; ++k) {
-    const Elastic drive = random_drive(random);
-    const auto one = robot(k, [&](Parts& p, const auto& on) { p.add("arm", on, drive); });
-    const auto two = robot(k, [&](Parts& p, const auto& on) {
+    const Elastic drive = random_elastic(random);
+    const auto one = robot(k, [&](ElasticParts& p, const auto& on) { p.add("arm", on, drive); });
+    const auto two = robot(k, [&](ElasticParts& p, const auto& on) {
       Body<double> rotor;
       rotor.mass = drive.motor.mass;
       rotor.com = drive.motor.com;
@@ -91,12 +92,12 @@ TEST_CASE("Under the torque that keeps the spring at rest an elastic drive is a 
 {
   Random random(23);
   for (std::uint64_t k = 0; k < 100; ++k) {
-    Elastic drive = random_drive(random);
+    Elastic drive = random_elastic(random);
     drive.stiffness = 1;
     drive.damping = 0;
     const double ratio = drive.motor.gear_ratio;
-    const auto elastic = robot(k, [&](Parts& p, const auto& on) { p.add("arm", on, drive); });
-    const auto rigid = robot(k, [&](Parts& p, const auto& on) {
+    const auto elastic = robot(k, [&](ElasticParts& p, const auto& on) { p.add("arm", on, drive); });
+    const auto rigid = robot(k, [&](ElasticParts& p, const auto& on) {
       p.add("arm", on, MotorArm<double>{drive.joint, drive.body, drive.motor});
     });
     const RandomState state = random_state(rigid, 0, random, 2);
@@ -136,9 +137,9 @@ TEST_CASE("An elastic drive refuses wrong parameters")
 {
   Random random(24);
   const auto refuses = [&](auto change, const std::string& words) {
-    Elastic drive = random_drive(random);
+    Elastic drive = random_elastic(random);
     change(drive);
-    Parts parts;
+    ElasticParts parts;
     parts.add("ankle", {}, drive);
     CHECK_THROWS_WITH(DynamicTree(parts), Catch::Matchers::ContainsSubstring("ankle") &&
                                               Catch::Matchers::ContainsSubstring(words));

@@ -1,3 +1,4 @@
+// PROGRAM: tests_links
 // Joints against compositions of revolute and prismatic joints with parts without mass between them.
 #include "catch.hpp"
 #include "type_robots.hpp"

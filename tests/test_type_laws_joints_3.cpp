@@ -1,3 +1,4 @@
+// PROGRAM: tests_laws
 // The law suite on links with joints of three coordinates.
 #include "catch.hpp"
 #include "type_laws.hpp"

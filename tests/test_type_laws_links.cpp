@@ -1,3 +1,4 @@
+// PROGRAM: tests_laws
 // The law suite on links with one joint: revolute, prismatic, fixed.
 #include "catch.hpp"
 #include "type_laws.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_loops
 // The law suite on plane loops.
 #include "catch.hpp"
 #include "type_laws.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_laws
 // The law suite on motor-arms, whose rotors spin beside the link, and on a floating base in the middle of a tree.
 #include "catch.hpp"
 #include "type_laws.hpp"

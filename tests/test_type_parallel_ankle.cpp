@@ -1,3 +1,4 @@
+// PROGRAM: tests_loops
 // Parallel ankle: the laws, and the cut tree with its two rods as bodies of their own.
 #include "catch.hpp"
 #include "type_robots.hpp"

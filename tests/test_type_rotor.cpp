@@ -1,3 +1,4 @@
+// PROGRAM: tests_drives
 // The rotor of a motor-arm against the rotor as a body of its own, tied to the joint by its gear ratio.
 #include "catch.hpp"
 #include "type_robots.hpp"
@@ -8,7 +9,7 @@ using namespace iim::test;
 namespace {
 
 constexpr std::uint64_t seed = 98;
-using Parts = Assembly<FloatingBase<double>, RevoluteLink<double>, PrismaticLink<double>, MotorArm<double>,
+using RotorParts = Assembly<FloatingBase<double>, RevoluteLink<double>, PrismaticLink<double>, MotorArm<double>,
                        LinearMotorArm<double>>;
 
 /// base (free) – arm – load as one tree, base – (rotor, arm – load) as the other; rows q̈₀, B̂ for motors and a wrench.
@@ -25,7 +26,7 @@ double difference(Random& random)
   const Body<double> body = random.body(), base = random.body();
   const RevoluteLink<double> load{{random.unit()}, random.body()};
   const Attachment<double> on = random_attachment(random, "base"), load_on = random_attachment(random, "arm");
-  Parts one, all;
+  RotorParts one, all;
   one.add("base", {}, FloatingBase<double>{base}).add("arm", on, Arm{joint, body, motor}).add("load", load_on, load);
   const Mat3 along = motor.axis * motor.axis.transpose();
   const Body<double> rotor{motor.mass, Vec3::Zero(),
@@ -65,7 +66,7 @@ double difference(Random& random)
   // And it is the rotor that is seen: at rest relative to its parent it would do something else.
   Motor<double> still = motor;
   still.gear_ratio = 0;
-  Parts without;
+  RotorParts without;
   without.add("base", {}, FloatingBase<double>{base}).add("arm", on, Arm{joint, body, still}).add("load", load_on, load);
   without.set_gravity(gravity);
   const DynamicTree c(without);
