@@ -65,7 +65,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         v[static_cast<std::size_t>(count)](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
         for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
       }
-      if constexpr (has_known) { subtract_known(n, f.bias); }
+      if constexpr (has_known) { n(rhs) = without_known(n, f.bias); }
     }
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
@@ -172,7 +172,6 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     own_load += own_moment;
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
-    if constexpr (has_known) { subtract_known(rows[0], ws.frame(node.frame).bias); }
   } else {
     regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C, tape);
   }
@@ -207,11 +206,15 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
       state.W(d, j) = W(j);
     }
   }
+  const auto z = [&](int k) __attribute__((always_inline)) {  // a number of its own: what is put into a row is slow to load with it
+    if constexpr (keeps_v && has_known) { return without_known(rows[k], ws.frame(node.frame).bias); }
+    return rows[k](rhs);
+  };
   state.psi = product(state.MbarR_inv, hq);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
 #pragma GCC unroll 8
-    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * rows[k](rhs); }
+    for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * z(k); }
   }
   if (node.inlet < 0) { return; }
 #pragma GCC unroll 8

@@ -36,6 +36,7 @@
 
 #include <iim/body_root.hpp>
 #include <iim/root_rows.hpp>
+#include <iim/row.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 
@@ -50,11 +51,12 @@ namespace iim::detail {
 /// [N | z] of what one frame carries: its own body's rows as they are, and those of its children. Rows are compressed where
 /// there would be more than `loose`: a reflection of twenty rows costs little more than one of ten, and compressing as much
 /// as several. (The pass of the biped takes 4.8 µs with 10, 3.6 with 20, 3.12 with 26 and 3.04 with 32, where registers hold
-/// eight numbers; where they hold two, 26 is the best.) More rows than rank have a residual in z; where it is a force between
-/// heavy bodies its roundings move what is much lighter, and rows are compressed.
+/// eight numbers, on another processor 3.26 with 26 and 3.17 with 34; where they hold two, 26 is the best.) More rows than
+/// rank have a residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and rows are
+/// compressed.
 template <class Scalar>
 struct RootInertia {
-  static constexpr int loose = 26;
+  static constexpr int loose = register_lanes<Scalar> == 8 ? 34 : 26;
   static constexpr int most = loose + 6;
   static constexpr int within = 4;  ///< and for rotors and springs
   static constexpr int most_within = 64;  ///< of these, on a subsystem of any kind
@@ -240,9 +242,9 @@ template <class Scalar>
 
 /// z − N a for an acceleration a that is already known.
 template <class Scalar>
-[[gnu::always_inline]] inline void subtract_known(RootRow<Scalar>& n, const Vector6<Scalar>& a)
+[[gnu::always_inline]] inline Scalar without_known(const RootRow<Scalar>& n, const Vector6<Scalar>& a)
 {
-  n(rhs) -= (n(0) * a(0) + n(1) * a(1) + n(2) * a(2)) + (n(3) * a(3) + n(4) * a(4) + n(5) * a(5));
+  return n(rhs) - ((n(0) * a(0) + n(1) * a(1) + n(2) * a(2)) + (n(3) * a(3) + n(4) * a(4) + n(5) * a(5)));
 }
 
 /// Q of the file's head: takes the columns v (n per row) of `count` rows to T in the first n rows, and [N | z] along.
