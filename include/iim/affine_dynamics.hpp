@@ -20,7 +20,9 @@ Index column_stride(Index n_v)
 {
   if constexpr (std::is_floating_point_v<Scalar>) {
     constexpr Index side = std::max<Index>(1, EIGEN_MAX_STATIC_ALIGN_BYTES / Index(sizeof(Scalar)));
-    return (n_v + side - 1) / side * side;
+    constexpr Index page = 4096 / sizeof(Scalar);  // so far apart, columns displace each other in the cache (10 to 20 %)
+    const Index stride = (n_v + side - 1) / side * side;
+    return stride % page == 0 && stride > 0 ? stride + side : stride;
   }
   return n_v;
 }
