@@ -147,7 +147,7 @@ Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& work
     }
   }
 
-  const Effort effort = quick ? Effort{30e-6, 0.1, 11} : Effort{};
+  const Effort effort = quick ? Effort{1e-3, 0.3, 15} : Effort{};
   const std::vector<bench::Spread> seconds = measure(runners, states.size(), effort);
   for (std::size_t j = 0; j < runners.size(); ++j) { row.measured[j].seconds = seconds[j]; }
   return row;
