@@ -107,25 +107,29 @@ template <MotionPattern pattern, class Scalar, int n>
                                                                const SixColumns<Scalar, n>& U,
                                                                const SixColumns<Scalar, n>& W)
 {
-  // H' from the half of B that Sᵀ B needs in any case; entries that nothing needs are left to the compiler.
+  // Of B only what Sᵀ B or the result needs; H' from the half that Sᵀ B needs in any case.
   constexpr bool lower = !pattern.linear;
+  const auto from_right = [&](const Scalar& a, int row, int column) __attribute__((always_inline)) {
+    Scalar b = a - U(row, 0) * W(column, 0);
+#pragma GCC unroll 8
+    for (int d = 1; d < n; ++d) { b -= U(row, d) * W(column, d); }
+    return b;
+  };
+  const auto from_left = [&](Scalar b, int row, const Eigen::Matrix<Scalar, n, 1>& SB) __attribute__((always_inline)) {
+#pragma GCC unroll 8
+    for (int d = 0; d < n; ++d) { b -= W(row, d) * SB(d); }
+    return b;
+  };
   SpatialInertia<Scalar> result;
 #pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
     Vector3<Scalar> M, G, H, J;  // columns j and j + 3 of B, [ M H ; G J ]
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
-      M(i) = A.M(i, j) - U(i, 0) * W(j, 0);
-      G(i) = A.H(j, i) - U(i + 3, 0) * W(j, 0);
-      H(i) = A.H(i, j) - U(i, 0) * W(j + 3, 0);
-      J(i) = A.J(i, j) - U(i + 3, 0) * W(j + 3, 0);
-#pragma GCC unroll 8
-      for (int d = 1; d < n; ++d) {
-        M(i) -= U(i, d) * W(j, d);
-        G(i) -= U(i + 3, d) * W(j, d);
-        H(i) -= U(i, d) * W(j + 3, d);
-        J(i) -= U(i + 3, d) * W(j + 3, d);
-      }
+      if (pattern.linear || i <= j) { M(i) = from_right(A.M(i, j), i, j); }
+      if constexpr (pattern.angular) { G(i) = from_right(A.H(j, i), i + 3, j); }
+      if constexpr (pattern.linear) { H(i) = from_right(A.H(i, j), i, j + 3); }
+      if (pattern.angular || i <= j) { J(i) = from_right(A.J(i, j), i + 3, j + 3); }
     }
     Eigen::Matrix<Scalar, n, 1> v, w;
 #pragma GCC unroll 8
@@ -135,21 +139,14 @@ template <MotionPattern pattern, class Scalar, int n>
     }
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
-#pragma GCC unroll 8
-      for (int d = 0; d < n; ++d) {
-        M(i) -= W(i, d) * v(d);
-        G(i) -= W(i + 3, d) * v(d);
-        H(i) -= W(i, d) * w(d);
-        J(i) -= W(i + 3, d) * w(d);
-      }
       if (i <= j) {
-        result.M(i, j) = M(i);
-        result.J(i, j) = J(i);
+        result.M(i, j) = from_left(M(i), i, v);
+        result.J(i, j) = from_left(J(i), i + 3, w);
       }
       if constexpr (lower) {
-        result.H(j, i) = G(i);
+        result.H(j, i) = from_left(G(i), i + 3, v);
       } else {
-        result.H(i, j) = H(i);
+        result.H(i, j) = from_left(H(i), i, w);
       }
     }
   }

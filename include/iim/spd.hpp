@@ -27,31 +27,35 @@ bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar
     C(0, 0) = sqrt(D_inv(0, 0));
     return positive;
   } else {
-    // D = L Lᵀ, L⁻¹ built beside it row by row; C = L⁻ᵀ.
+    // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
+    // too as in L Lᵀ (2 % of the biped's pass).
     bool positive = true;
-    Eigen::Matrix<Scalar, n, n> L;
-    C.setZero();
+    Eigen::Matrix<Scalar, n, n> left = D;
 #pragma GCC unroll 8
     for (int i = 0; i < n; ++i) {
 #pragma GCC unroll 8
-      for (int j = 0; j < i; ++j) {
-        Scalar sum = D(i, j);
+      for (int j = 0; j < n; ++j) { C(j, i) = Scalar(i == j ? 1 : 0); }
+    }
 #pragma GCC unroll 8
-        for (int k = 0; k < j; ++k) { sum -= L(i, k) * L(j, k); }
-        L(i, j) = sum * C(j, j);
+    for (int j = 0; j < n; ++j) {
+      const Scalar pivot = left(j, j), inverse = Scalar(1) / pivot;
+      positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * scale(j));
+#pragma GCC unroll 8
+      for (int i = j + 1; i < n; ++i) {
+        const Scalar l = left(i, j) * inverse;
+#pragma GCC unroll 8
+        for (int k = j + 1; k <= i; ++k) { left(i, k) -= l * left(k, j); }
+#pragma GCC unroll 8
+        for (int k = 0; k < j; ++k) { C(k, i) -= l * C(k, j); }
+        C(j, i) = -l;
       }
-      Scalar pivot = D(i, i);
+      left(j, j) = sqrt(inverse);
+    }
 #pragma GCC unroll 8
-      for (int k = 0; k < i; ++k) { pivot -= L(i, k) * L(i, k); }
-      positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * scale(i));
-      C(i, i) = Scalar(1) / sqrt(pivot);
+    for (int j = 0; j < n; ++j) {
 #pragma GCC unroll 8
-      for (int j = 0; j < i; ++j) {
-        Scalar sum = Scalar(0);
-#pragma GCC unroll 8
-        for (int k = j; k < i; ++k) { sum += L(i, k) * C(j, k); }
-        C(j, i) = -sum * C(i, i);
-      }
+      for (int i = 0; i < j; ++i) { C(i, j) *= left(j, j); }
+      C(j, j) = left(j, j);
     }
 #pragma GCC unroll 8
     for (int j = 0; j < n; ++j) {
