@@ -46,7 +46,7 @@ inline void accumulate(Difference& worst, const Difference& next)
 }
 
 struct Effort {
-  double sample = 2e-3;  ///< shortest measurement [s]: what the library before left in the caches would count most for the fastest
+  double sample = 2e-3;  ///< shortest measurement [s]; in less, cold caches count, most for the fastest
   double budget = 2.0;   ///< time for all measurements of one path [s]
   int rounds = 31;
 };

@@ -15,12 +15,13 @@ namespace detail {
 
 /// From a column of B̂ to the next: built-in numbers begin at a register's boundary. Stores across two lines of the
 /// cache take longer: of what comes after the O(n) pass 18 % for a tree of 63 links, 7 % for a chain, 6 % for the biped.
+/// Whole pages apart 15 % for a chain of 512, 36 % for one of 1020.
 template <class Scalar>
 Index column_stride(Index n_v)
 {
   if constexpr (std::is_floating_point_v<Scalar>) {
     constexpr Index side = std::max<Index>(1, EIGEN_MAX_STATIC_ALIGN_BYTES / Index(sizeof(Scalar)));
-    constexpr Index page = 4096 / sizeof(Scalar);  // so far apart, columns displace each other in the cache (10 to 20 %)
+    constexpr Index page = 4096 / sizeof(Scalar);  // whole pages apart, columns displace each other in the cache
     const Index stride = (n_v + side - 1) / side * side;
     return stride % page == 0 && stride > 0 ? stride + side : stride;
   }

@@ -206,7 +206,8 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
       state.W(d, j) = W(j);
     }
   }
-  const auto z = [&](int k) __attribute__((always_inline)) {  // a number of its own: what is put into a row is slow to load with it
+  // Not put into the row: a row is slow to load after one of its numbers was stored.
+  const auto z = [&](int k) __attribute__((always_inline)) {
     if constexpr (keeps_v && has_known) { return without_known(rows[k], ws.frame(node.frame).bias); }
     return rows[k](rhs);
   };
