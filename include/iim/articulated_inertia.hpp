@@ -99,8 +99,8 @@ template <MotionPattern pattern, class Scalar, int n>
 /// Pᵀ A P with P = 1 − S W, U = A S: what is left of A when the coordinates of S are free.
 ///
 /// A − U W itself changes to first order when roundings move W; the congruence does not, it is stationary in W. It is
-/// formed from both sides, B = A P and then B − Wᵀ (Sᵀ B), a column of each half after the other, so that few numbers wait in
-/// registers (with lanes 6 % of the inward loop).
+/// formed from both sides, B = A P and then B − Wᵀ (Sᵀ B), a column of each half after the other, so that few numbers
+/// wait in registers (with lanes 6 % of the inward loop).
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
                                                                const Eigen::Matrix<Scalar, 6, n>& S,
