@@ -18,7 +18,7 @@ int main()
   const Eigen::VectorXd qd = Eigen::VectorXd::Ones(tree.n_v());
   const Eigen::VectorXd u = Eigen::VectorXd::Constant(inputs.columns(), 0.5);
 
-  const auto dynamics = method(iim::forward_dynamics(q, qd, ws));
+  const auto dynamics = method(q, qd, ws);
   if (!dynamics.ok()) { return 1; }
   std::cout << (dynamics.qdd0 + dynamics.Bhat * u).transpose() << '\n';
   return 0;

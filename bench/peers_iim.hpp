@@ -72,7 +72,7 @@ public:
   {
     return {{"implicit inversion",
              [this](std::size_t k) {
-               last_.emplace(method_(iim::forward_dynamics(states_[k].q, states_[k].qd, workspace_)));
+               last_.emplace(method_(states_[k].q, states_[k].qd, workspace_));
              },
              [this] { return Result{last_->qdd0, last_->Bhat}; }}};
   }

@@ -119,7 +119,7 @@ SeveralTimes measure_several(const peers::Model& model, int rounds)
   };
   for (int round = 0; round < rounds; ++round) {  // the paths take turns
     time(0, [&] {
-      for (const State<Scalar>& x : states) { keep(method(iim::forward_dynamics(x.q, x.qd, workspace))); }
+      for (const State<Scalar>& x : states) { keep(method(x.q, x.qd, workspace)); }
     });
     time(1, [&] { several.for_each_pack(scene.q, scene.qd, [](const auto& pack) { keep(pack); }); });
     time(2, [&] { several.for_each(scene.q, scene.qd, [](Index, const auto& dynamics) { keep(dynamics); }); });

@@ -53,7 +53,7 @@ void run(const std::string& path, iim::Base base)
   const iim::Inputs inputs(tree);  // all motors; add_force("a link's name") for contacts
   iim::Workspace ws(tree);
   iim::ImplicitInversion iwim(tree, inputs);
-  const auto dynamics = iwim(iim::forward_dynamics(q, qd, ws));
+  const auto dynamics = iwim(q, qd, ws);
   if (!dynamics.ok()) {
     const std::string at = dynamics.subsystem >= 0 ? " at '" + tree.name(dynamics.subsystem) + "'" : "";
     throw iim::ModelError(std::string(to_string(dynamics.status)) + at);

@@ -17,8 +17,7 @@ int main()
   const Eigen::VectorXd qd = Eigen::VectorXd::Ones(tree.n_v());
   const Eigen::VectorXd u = Eigen::VectorXd::Constant(inputs.columns(), 0.5);
 
-  const auto fd = iim::forward_dynamics(q, qd, ws);           // O(n)
-  const auto dynamics = method(fd);                           // q̈₀ and B̂, 20 × 38
+  const auto dynamics = method(q, qd, ws);                    // q̈₀ and B̂, 20 × 38
   if (!dynamics.ok()) { return 1; }                           // nothing throws here
   const Eigen::VectorXd qdd = dynamics.qdd0 + dynamics.Bhat * u;
   std::cout << "q̈ = " << qdd.transpose() << "\n";

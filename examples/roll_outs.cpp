@@ -153,7 +153,7 @@ int main()
   const double start = (q - target).norm();
   for (int cycle = 0; cycle < 125; ++cycle) {
     // Where the arm is now, u = B̂⁻¹ (q̈ − q̈₀): what is tried are accelerations, in reach of every axis alike.
-    const auto dynamics = method(iim::forward_dynamics(q, qd, ws));
+    const auto dynamics = method(q, qd, ws);
     if (!dynamics.ok()) { return 1; }
     const Eigen::PartialPivLU<MatrixXd> Bhat(dynamics.Bhat);
     const VectorXd qdd0 = dynamics.qdd0;

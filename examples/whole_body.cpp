@@ -108,9 +108,8 @@ int main()
     const bool pushed = t >= 1.0 && t < 1.2;
     inputs.set_active(push, pushed);
 
-    const auto fd = iim::forward_dynamics(q, qd, ws);
-    const auto dynamics = method(fd);
-    const auto rows = tasks(fd, dynamics);
+    const auto dynamics = method(q, qd, ws);
+    const auto rows = tasks(dynamics.fd, dynamics);
     if (!rows.ok()) {
       std::printf("failed at t = %g s: %s\n", t, to_string(rows.status));
       return 1;

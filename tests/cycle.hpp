@@ -131,11 +131,21 @@ struct ToReceipt {
   }
 };
 
+/// ImplicitInversion with a pass of its own.
+struct ToState {
+  template <class Method, class Receipt>
+  auto operator()(Method& method, const Receipt& fd, const VectorX<double>& q, const VectorX<double>& qd) const
+  {
+    return method(q, qd, const_cast<typename Receipt::Workspace&>(fd.workspace()));  // which the caller made
+  }
+};
+
 /// The methods that work on what the O(n) pass left.
 template <class Workspace, class Tree>
 void check_workspace_methods(const Tree& tree, Inputs<Tree>& inputs, Workspace& ws)
 {
   check_method<ImplicitInversion<Tree>>("implicit inversion", tree, inputs, ws, ToReceipt{});
+  check_method<ImplicitInversion<Tree>>("implicit inversion and the pass in one call", tree, inputs, ws, ToState{});
   check_method<UnitForce<Tree>>("unit forces", tree, inputs, ws, ToReceipt{});
   check_method<RecursiveInverse<Tree>>("recursive inverse", tree, inputs, ws, ToReceipt{});
   check_method<GlobalInverse<Tree>>("global inverse, branch-sparse", tree, inputs, ws, ToReceipt{});

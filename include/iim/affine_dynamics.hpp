@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/errors.hpp>
+#include <iim/forward_dynamics.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
@@ -41,6 +42,12 @@ struct AffineDynamics {
   Index subsystem;  ///< that status is about; −1: none
 
   bool ok() const { return status == Status::ok; }
+};
+
+/// The same with the receipt of the pass, for what else is computed from it (`Tasks`).
+template <class Workspace>
+struct StateDynamics : AffineDynamics<typename Workspace::Scalar> {
+  ForwardDynamics<Workspace> fd;
 };
 
 /// What all methods have in common: made from a tree and its inputs, applied to a receipt of the O(n) pass.

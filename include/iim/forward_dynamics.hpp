@@ -255,12 +255,22 @@ public:
     });
   }
 
-  /// From the base outward again: accelerations, (18) and (19).
-  void accelerations()
+  /// From the base outward again: accelerations, (18) and (19). also(node, its memory): what else goes outward. Each of the two
+  /// waits for its step before, and the other runs meanwhile.
+  template <class Also>
+  void accelerations(Also&& also)
   {
     const Workspace& ws = workspace();
-    ws.tree().outward([&]<class S>(const Node& node, const S&) { this->accelerate(node, ws.template node<S>(node)); });
+    ws.tree().outward([&]<class S>(const Node& node, const S&) {
+      const NodeState<S>& state = ws.template node<S>(node);
+      this->accelerate(node, state);
+      also(node, state);
+    });
     this->check_finite();  // only now: an overflow anywhere above has reached q̈
+  }
+  void accelerations()
+  {
+    accelerations([](const Node&, const auto&) {});
   }
 
   ForwardDynamics<Workspace> receipt() const
@@ -280,14 +290,22 @@ private:
 
 namespace detail {
 
+/// All but the last loop.
 template <Scene scene, class Workspace, class Q, class V>
-ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
+ForwardPass<scene, Workspace> begin_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
 {
   assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
   assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
   ForwardPass<scene, Workspace> pass(workspace, step);
   pass.kinematics(q, qd);
   pass.inertia();
+  return pass;
+}
+
+template <Scene scene, class Workspace, class Q, class V>
+ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
+{
+  ForwardPass<scene, Workspace> pass = begin_pass<scene>(q, qd, step, workspace);
   pass.accelerations();
   return pass.receipt();
 }

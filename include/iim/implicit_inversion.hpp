@@ -103,19 +103,33 @@ public:
     requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
   {
-    const Index m = inputs_->columns();
-    assert(inputs_->max_columns() == max_columns_ && "inputs were added after the method was made");
-    if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
-    result_.qdd0() = fd.qdd0();
-    auto Bhat = result_.Bhat(m);
-    bool finite = false;
-    if (m >= product_from_) {
-      finite = (*product_)(fd.workspace(), Bhat);
-    } else {
-      finite = (*sweep_)(fd.workspace(), Bhat);
+    check_inputs();
+    if (!fd.ok()) { return failed(fd); }
+    auto Bhat = result_.Bhat(inputs_->columns());
+    return finish(fd, use_product() ? (*product_)(fd.workspace(), Bhat) : (*sweep_)(fd.workspace(), Bhat));
+  }
+
+  /// The O(n) pass at the state (q, q̇) and this, in one call with the numbers of two. As a product, loops of both become one:
+  /// q̈₀ and B̂ of an arm, a chain of 20 and one of 50 take 7 to 10 % less, of the biped 4 %. Arguments and errors as of
+  /// forward_dynamics.
+  template <Scene scene = Scene{}, class Q, class V, class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
+  StateDynamics<Workspace> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace)
+  {
+    static_assert(!scene.implicit, "of an implicit step, give the receipt: it says how long the step is");
+    check_inputs();
+    auto pass = detail::begin_pass<scene>(q.derived(), qd.derived(), Scalar(0), workspace);
+    if constexpr (detail::lane_count<Scalar> > 1) {  // several states wait for nothing: one by one the loops take 2 % less
+      if (use_product()) {
+        auto Bhat = result_.Bhat(inputs_->columns());
+        const bool finite = product_->with_accelerations(pass, workspace, Bhat);
+        const auto fd = pass.receipt();
+        return {fd.ok() ? finish(fd, finite) : failed(fd), fd};
+      }
     }
-    finite = finite || detail::all_finite(Bhat);
-    return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
+    pass.accelerations();
+    const auto fd = pass.receipt();
+    return {(*this)(fd), fd};
   }
 
   /// Number of active columns from which on B̂ is computed as a product; below it, by sweeps.
@@ -131,6 +145,28 @@ protected:
   }
 
 private:
+  void check_inputs() const
+  {
+    assert(inputs_->max_columns() == max_columns_ && "inputs were added after the method was made");
+  }
+
+  bool use_product() const { return inputs_->columns() >= product_from_; }
+
+  template <class Workspace>
+  AffineDynamics<Scalar> failed(const ForwardDynamics<Workspace>& fd)
+  {
+    return result_.result(inputs_->columns(), fd.status(), fd.subsystem());
+  }
+
+  /// finite: whether B̂ is known to be.
+  template <class Workspace>
+  AffineDynamics<Scalar> finish(const ForwardDynamics<Workspace>& fd, bool finite)
+  {
+    const Index m = inputs_->columns();
+    result_.qdd0() = fd.qdd0();
+    return result_.result(m, finite || detail::all_finite(result_.Bhat(m)) ? Status::ok : Status::not_finite, -1);
+  }
+
   const Inputs<Tree>* inputs_;
   Index max_columns_;
   Index product_from_;

@@ -386,6 +386,16 @@ public:
       ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
     });
   }
+
+  /// The same, step 2 in the last loop of the O(n) pass, which is yet to come.
+  template <class Pass, class Workspace, class Matrix>
+  bool with_accelerations(Pass& pass, const Workspace& ws, Matrix& Bhat)
+  {
+    const typename Workspace::Data& data = ws;
+    return this->compute(data, Bhat, [&] {
+      pass.accelerations([&](const Node& node, const auto& state) { this->outward(node, state, data); });
+    });
+  }
 };
 
 }  // namespace iim::detail
