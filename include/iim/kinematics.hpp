@@ -160,6 +160,9 @@ struct KinematicStep {
     if (!all_finite(q_i) || !all_finite(qd_i)) { diagnosis.fail(Status::invalid_state, node.index); }
 
     auto frames = frame_motions<S>(node.frame, state, ws, std::make_index_sequence<S::n_frames>{});
+    if constexpr (scene.velocity && pattern.bias) {  // what the pass before left there is not for `motion` to remove
+      for (int k = 0; k < S::n_frames; ++k) { ws.frame(node.frame + k).bias.setZero(); }
+    }
     bool moved = false;
     if constexpr (takes_turn<S>()) {
       moved = s.motion(state.R, ws.turns().of(node.q, q_i(0)), qd_i, frames);

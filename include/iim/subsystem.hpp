@@ -22,7 +22,8 @@
 
 namespace iim {
 
-/// How one frame of a subsystem moves relative to the inlet; filled in by Subsystem::motion. World axes.
+/// How one frame of a subsystem moves relative to the inlet; filled in by Subsystem::motion. World axes. What no state changes
+/// from zero need not be written.
 template <class Scalar, int n_i>
 struct FrameMotion {
   Matrix3<Scalar>& R;                    ///< frame to world
