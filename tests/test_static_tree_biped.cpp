@@ -36,13 +36,22 @@ TEST_CASE("the biped as a type is the biped at run time", "[static]")
   constexpr double tolerance = 64 * std::numeric_limits<double>::epsilon();
   for (int k = 0; k < 50; ++k) {
     const test::RandomState state = test::random_state(tree, 38, draw);
-    const auto a = method(forward_dynamics(state.q, state.qd, ws));
+    const auto a = method(state.q, state.qd, ws);
     const auto b = dynamic_method(forward_dynamics(state.q, state.qd, dynamic_ws));
     REQUIRE(a.ok());
     REQUIRE(b.ok());
     CHECK((a.qdd0 - b.qdd0).norm() <= tolerance * b.qdd0.norm());
     CHECK((a.Bhat - b.Bhat).norm() <= tolerance * b.Bhat.norm());
   }
+  // In one call as in two, of another scene too.
+  const test::RandomState state = test::random_state(tree, 38, draw);
+  constexpr Scene at_rest{.velocity = false};
+  const auto c = method.operator()<at_rest>(state.q, VectorX<double>(), ws);
+  const auto d = dynamic_method(forward_dynamics(state.q, VectorX<double>::Zero(20), dynamic_ws));
+  REQUIRE(c.ok());
+  CHECK(c.fd.scene() == at_rest);
+  CHECK((c.qdd0 - d.qdd0).norm() <= tolerance * d.qdd0.norm());
+  CHECK((c.Bhat - d.Bhat).norm() <= tolerance * d.Bhat.norm());
 }
 
 }  // namespace test_static_tree_biped

@@ -65,6 +65,7 @@ public:
   ResultMemory(Index n_v, Index max_columns)
       : stride_(column_stride<Scalar>(n_v)), qdd0_(n_v), Bhat_(stride_ * max_columns)
   {
+    Bhat_.setZero();  // what stands between columns stays so, for methods that work on whole registers
   }
 
   /// B̂ as n_v × columns, to be filled.
@@ -78,7 +79,7 @@ public:
   {
     if (status != Status::ok) {
       qdd0_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      Bhat_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      Bhat(columns).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
     }
     return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), qdd0_.size(), columns, Eigen::OuterStride<>(stride_)}, status,
             subsystem};

@@ -37,13 +37,11 @@ public:
   };
   struct RowBundle : Bundle {
     Index registers = 0;      ///< place among those of all bundles of rows
-    bool are_inputs = false;  ///< these rows are columns of β, too
-    const BetaColumn* columns = nullptr;  ///< if so
+    Index first_column = -1;  ///< if these rows are columns of β, too: the first of them
   };
   struct ColumnBundle : Bundle {
     Index first = 0;       ///< column
-    Index same_rows = -1;  ///< bundle of rows that it is, if its B̄ is 1
-    bool same = false;     ///< it is
+    Index same_rows = -1;  ///< bundle of rows that it is
   };
 
   /// A register that differs from the one that was gathered at its place: lanes of another.
@@ -60,6 +58,7 @@ public:
   };
 
   std::vector<RowBundle> row_bundles;
+  Index mirrored = 0;  ///< how many of these, from the first on, are columns, too
   std::vector<ColumnBundle> column_bundles;
   std::vector<Part> parts;              ///< of the bundles of rows, and of columns after these
   std::vector<std::int32_t> first_run;  ///< of a square of B̂, a bundle of columns after the other
@@ -88,7 +87,12 @@ public:
     for (const Subsystem& s : subsystems_) { begin_of.push_back(s.v); }
     begin_of.push_back(tree.n_v());
     const Index n = tree.n_v();
-    for (Index v = 0; v < n; v += lanes) {
+    // If it makes no bundle more, the velocities before the first motor, as a base's, have one to themselves: those after them are
+    // bundles of columns, too.
+    Index lead = 0;
+    for (Index i = 0; i < tree.size() && !(tree.motors(i) > 0 && tree.velocities(i) == 1); ++i) { lead += tree.velocities(i); }
+    if (lead >= lanes || n - lead < lanes || bundles(n - lead) + 1 > bundles(n)) { lead = 0; }
+    for (Index v = 0; v < n; v = v == 0 && lead > 0 ? lead : v + lanes) {
       // The last bundle begins earlier instead of having fewer rows: what it shares is written twice.
       RowBundle rows;
       rows.v = n >= lanes ? std::min(v, n - lanes) : v;
@@ -104,44 +108,31 @@ public:
     }
     row_parts_ = parts.size();
     // Room for what `plan` finds, whatever is active.
-    const std::size_t bundles = at((max_columns + lanes - 1) / lanes), squares = bundles * row_bundles.size();
+    const std::size_t most_bundles = at(bundles(max_columns)), squares = most_bundles * row_bundles.size();
     const Index most = limbs_above.empty() ? 0 : *std::max_element(limbs_above.begin(), limbs_above.end());
-    column_bundles.reserve(bundles);
-    parts.reserve(row_parts_ + bundles * at(limbs.depth()) + 2 * at(n));
+    column_bundles.reserve(most_bundles);
+    parts.reserve(row_parts_ + most_bundles * at(limbs.depth()) + 4 * at(n));
     first_run.reserve(squares + 1);
     runs.reserve(squares * at(most + 2));
   }
 
-  /// For columns that are others than before. Those on subsystems before i are the first first_column[i].
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
+  /// Bundles for so many rows or columns.
+  static Index bundles(Index count) { return (count + lanes - 1) / lanes; }
+
+  /// For columns that are others than before: rows of L and, after these, others, each sorted along the tree. Those on subsystems
+  /// before i end at first_row[i], first_other[i].
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
   {
     parts.resize(row_parts_);
     column_bundles.clear();
     runs.clear();
     first_run.clear();
-    const Index m = first_column.back();
-    for (Index j = 0; j < m; j += lanes) {
-      ColumnBundle bundle;
-      bundle.first = m >= lanes ? std::min(j, m - lanes) : j;
-      bundle.count = std::min<Index>(lanes, m - bundle.first);
-      const BetaColumn* const column = columns.data() + bundle.first;
-      const Subsystem& s = subsystems_[at(column[0].subsystem)];
-      bundle.v = s.v;
-      bundle.end = subsystems_[at(column[bundle.count - 1].subsystem)].end;
-      bundle.above = s.path_v;
-      bundle.path = s.path;
-      bundle.deepest = is_path(bundle) ? bundle.size() : 0;
-      for (Index k = 0; k < bundle.count; ++k) { bundle.deepest = std::max(bundle.deepest, column[k].depth); }
-      add_parts(bundle, bundle.first, first_column);
-      bundle.same_rows = same_rows(column, bundle.count);
-      Index before = 0, common = bundle.above;
-      for (const RowBundle& rows : row_bundles) {
-        first_run.push_back(static_cast<std::int32_t>(runs.size()));
-        add_runs(rows, bundle, before, common);
-      }
-      column_bundles.push_back(bundle);
-    }
+    for (RowBundle& rows : row_bundles) { rows.first_column = -1; }
+    add_columns(columns, first_row);
+    add_columns(columns, first_other);
     first_run.push_back(static_cast<std::int32_t>(runs.size()));
+    mirrored = 0;
+    while (mirrored < static_cast<Index>(row_bundles.size()) && row_bundles[at(mirrored)].first_column >= 0) { ++mirrored; }
   }
 
   Index registers() const { return registers_; }  ///< of all bundles of rows
@@ -153,6 +144,33 @@ private:
     Index subtree_end;  ///< subsystem after its subtree
     Index path;         ///< place in paths_ of the velocities on its path
   };
+
+  void add_columns(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
+  {
+    const Index begin = first_column.front(), end = first_column.back();
+    for (Index j = begin; j < end; j += lanes) {
+      ColumnBundle bundle;
+      bundle.first = end - begin >= lanes ? std::min(j, end - lanes) : j;
+      bundle.count = std::min<Index>(lanes, end - bundle.first);
+      const BetaColumn* const column = columns.data() + bundle.first;
+      const Subsystem& s = subsystems_[at(column[0].subsystem)];
+      bundle.v = s.v;
+      bundle.end = subsystems_[at(column[bundle.count - 1].subsystem)].end;
+      bundle.above = s.path_v;
+      bundle.path = s.path;
+      bundle.deepest = is_path(bundle) ? bundle.size() : 0;
+      for (Index k = 0; k < bundle.count; ++k) { bundle.deepest = std::max(bundle.deepest, column[k].depth); }
+      add_parts(bundle, bundle.first, first_column);
+      bundle.same_rows = same_rows(column, bundle.count);
+      if (bundle.same_rows >= 0) { row_bundles[at(bundle.same_rows)].first_column = bundle.first; }
+      Index before = 0, common = bundle.above;
+      for (const RowBundle& rows : row_bundles) {
+        first_run.push_back(static_cast<std::int32_t>(runs.size()));
+        add_runs(rows, bundle, before, common);
+      }
+      column_bundles.push_back(bundle);
+    }
+  }
 
   const Subsystem& of(Index v) const { return subsystems_[at(subsystem_of_[at(v)])]; }
   Index position(Index v) const { return of(v).path_v + v - of(v).v; }
@@ -181,15 +199,15 @@ private:
     }
   }
 
-  /// The bundle of rows that columns are but for their B̄; −1: none.
+  /// The bundle of rows that columns are; −1: none.
   Index same_rows(const BetaColumn* columns, Index count) const
   {
     const Index v = columns[0].row;
     if (v >= static_cast<Index>(subsystem_of_.size())) { return -1; }
-    const Index k = v % lanes == 0 ? v / lanes : static_cast<Index>(row_bundles.size()) - 1;
-    bool same = v == row_bundles[at(k)].v && count == row_bundles[at(k)].count;
+    const auto rows = std::find_if(row_bundles.begin(), row_bundles.end(), [&](const RowBundle& bundle) { return bundle.v == v; });
+    bool same = rows != row_bundles.end() && count == rows->count;
     for (Index j = 0; same && j < count; ++j) { same = columns[j].row == v + j; }
-    return same ? k : -1;
+    return same ? static_cast<Index>(rows - row_bundles.begin()) : -1;
   }
 
   /// The runs of one square of B̂. While bundles of rows come one after the other to one of columns, of the velocities on

@@ -45,56 +45,40 @@ public:
     beta_.setZero((tree.n_v() + side) * lanes);
   }
 
-  /// For columns that are others than before. Those on subsystems before i are the first first_column[i].
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
+  /// For columns that are others than before; as of the plan.
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
   {
-    plan_.plan(columns, first_column);
+    plan_.plan(columns, first_row, first_other);
   }
 
   /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand
-  /// in; zero where they end. scale: what a column is times its row; 1 in `lanes` after the last. Returns true if B̂ is
-  /// known to be finite.
+  /// in; zero where they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
-  bool operator()(const MatrixX<Scalar>& rows, const std::vector<Scalar>& scale, const std::vector<BetaColumn>& columns,
-                  Matrix& Bhat)
+  bool operator()(const MatrixX<Scalar>& rows, const std::vector<BetaColumn>& columns, Matrix& Bhat)
   {
     const Index stride = rows.rows();
-    for (RowBundle& bundle : plan_.row_bundles) {
+    for (const RowBundle& bundle : plan_.row_bundles) {
       const Scalar* const row = rows.data() + bundle.v * stride;
-      gather([&](auto r) __attribute__((always_inline)) { return row + r * stride; }, nullptr, bundle,
+      gather([&](auto r) __attribute__((always_inline)) { return row + r * stride; }, bundle,
              L_.data() + bundle.registers * lanes);
-      bundle.are_inputs = false;
     }
-    for (ColumnBundle& bundle : plan_.column_bundles) {
-      const Scalar* const factor = scale.data() + bundle.first;
-      bundle.same = bundle.same_rows >= 0 && std::all_of(factor, factor + lanes, [](Scalar x) { return x == Scalar(1); });
-      if (bundle.same) {
-        RowBundle& same = plan_.row_bundles[at(bundle.same_rows)];
-        same.are_inputs = true;
-        same.columns = columns.data() + bundle.first;
-      }
-    }
-    // Of squares of such rows one of two is computed: as long as all rows are such, those from the diagonal on.
-    const auto& all = plan_.row_bundles;
-    Index mirrored = 0;
-    while (mirrored < static_cast<Index>(all.size()) && all[at(mirrored)].are_inputs) { ++mirrored; }
     check_.setZero();
     const std::int32_t* squares = plan_.first_run.data();
     for (const ColumnBundle& bundle : plan_.column_bundles) {
       const BetaColumn* const column = columns.data() + bundle.first;
       const Scalar* beta = beta_.data();
-      if (bundle.same) {
+      if (bundle.same_rows >= 0) {
         beta = L_.data() + plan_.row_bundles[at(bundle.same_rows)].registers * lanes;
       } else {
-        const Scalar* const factor = scale.data() + bundle.first;
         const Index last = bundle.count - 1;  // instead of those that the bundle lacks
         gather([&](auto j) __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
-               factor, bundle, beta_.data());
+               bundle, beta_.data());
       }
-      const Index from = bundle.same && bundle.same_rows <= mirrored ? bundle.same_rows : 0;
+      // Of squares of rows that are columns, too, one of two is computed: as long as all rows are such, those from the diagonal on.
+      const Index from = bundle.same_rows <= plan_.mirrored ? std::max<Index>(bundle.same_rows, 0) : 0;
       for (Index j = 0; j < bundle.count; j += tile) {
         const Index count = std::min<Index>(tile, bundle.count - j);
-        multiply_tile({bundle, from, squares + from, beta + j, column + j, count, j}, Bhat);
+        multiply_tile({bundle, from, squares + from, beta + j, columns.data(), column + j, count, j}, Bhat);
       }
       squares += plan_.row_bundles.size();
     }
@@ -111,16 +95,14 @@ private:
     return bits;
   }();
 
-  /// A bundle's rows, each times its scale if there are any, to one register per velocity: first by path position, then part by
-  /// part.
+  /// A bundle's rows to one register per velocity: first by path position, then part by part.
   template <class Row>
-  [[gnu::always_inline]] void gather(Row&& row, const Scalar* scale, const Bundle& bundle, Scalar* to) const
+  [[gnu::always_inline]] void gather(Row&& row, const Bundle& bundle, Scalar* to) const
   {
     for (Index a = 0; a < bundle.deepest; a += side) {
       unrolled<lanes / side>([&](auto part) __attribute__((always_inline)) {
         transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return row(part * side + r) + a; },
-                                [&](auto r) __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; },
-                                scale == nullptr ? nullptr : scale + part * side);
+                                [&](auto r) __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; });
       });
     }
     const Part* const end = plan_.parts.data() + bundle.parts_end;
@@ -143,6 +125,7 @@ private:
     Index from;                   ///< first bundle of rows
     const std::int32_t* squares;  ///< of the bundle from there on: where the runs of each begin
     const Scalar* beta;           ///< its registers, from the tile's first lane on
+    const BetaColumn* all;        ///< columns
     const BetaColumn* column;
     Index count;                  ///< of columns, at most `tile`
     Index lane;                   ///< of the first of them in the bundle
@@ -153,7 +136,7 @@ private:
   [[gnu::noinline]] void multiply_tile(const Tile& t, Matrix& Bhat)
   {
     const Index v = t.columns.v;
-    const bool same = t.columns.same;
+    const bool same = t.columns.same_rows >= 0;
     const Scalar* const beta = t.beta;
     const Scalar* const L = L_.data();
     const Run* const runs = plan_.runs.data();
@@ -169,7 +152,7 @@ private:
       const Run* run = runs + square_runs[0];
       const Run* const end = runs + square_runs[1];
       ++square_runs;
-      const bool mirrored = same && rows.are_inputs && rows.v != v;
+      const bool mirrored = same && rows.first_column >= 0 && rows.v != v;
       if (mirrored && rows.v < v) { continue; }
       std::array<Register, tile> sum;
       unrolled<tile>([&](auto j) __attribute__((always_inline)) { sum[j].setZero(); });
@@ -198,7 +181,7 @@ private:
         }
       }
       if (mirrored) {
-        const BetaColumn* const row = rows.columns;
+        const BetaColumn* const row = t.all + rows.first_column;
         unrolled<tile / side>([&](auto j) __attribute__((always_inline)) {
           unrolled<lanes / side>([&](auto r) __attribute__((always_inline)) {
             transpose<Scalar, side>(

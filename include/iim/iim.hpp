@@ -25,7 +25,7 @@
 //     T*_ip            −W X(r)[1 S_k] in its q̇ rows; NodeState::W      (16)
 //     ψ                psi                     M̄_R⁻¹ F_iᵀ h̄*, the part of q̈_i that the inlet's motion leaves   (18)
 //     B̄_i             Bbar                    n_i × n_u, the q̇ rows   (10)
-//     Γ⁻¹, F*          L_rows_, H in product_form.hpp: Γ⁻¹ and F* with their columns times C, C Cᵀ = M̄_R⁻¹   (48), (31)
+//     Γ⁻¹, F*          rows_ in product_plan.hpp, H in product_form.hpp: with their columns times C, C Cᵀ = M̄_R⁻¹   (48), (31)
 //     B̂, q̈₀          Bhat, qdd0               (2)
 //
 // Not in the paper: the gain W = M̄_R⁻¹ Uᵀ, the inlet (the parent's frame that carries the coupling point), a subsystem's

@@ -115,8 +115,8 @@ public:
     }
   }
 
-  /// For columns that are others than before. Those on subsystems before i are the first first_column[i].
-  void plan(const std::vector<BetaColumn>&, const std::vector<Index>& first_column)
+  /// For columns that are others than before. Those on subsystems before i are the first first_column[i]; none is a row of L.
+  void plan(const std::vector<BetaColumn>&, const std::vector<Index>&, const std::vector<Index>& first_column)
   {
     for (Subtree& subtree : subtrees_) {
       subtree.columns = first_column[at(subtree.begin)];
@@ -127,8 +127,7 @@ public:
   /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these the columns; zero where
   /// they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
-  bool operator()(const MatrixX<Scalar>& rows, const std::vector<Scalar>&, const std::vector<BetaColumn>& columns,
-                  Matrix& Bhat)
+  bool operator()(const MatrixX<Scalar>& rows, const std::vector<BetaColumn>& columns, Matrix& Bhat)
   {
     check_ = Scalar(0);
     if (roots_ != 1) { Bhat.setZero(); }

@@ -17,6 +17,7 @@
 #include <iim/bundle_product.hpp>
 #include <iim/inputs.hpp>
 #include <iim/limb_product.hpp>
+#include <iim/product_plan.hpp>
 #include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
@@ -26,6 +27,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <numeric>
 #include <type_traits>
 #include <vector>
 
@@ -34,108 +36,27 @@ namespace iim::detail {
 /// Of the product all that depends on Scalar alone, and the step of a single subsystem. Workspace: its part that depends on
 /// Scalar and update alone.
 template <class Scalar>
-class ProductSteps {
+class ProductSteps : ProductPlan<Scalar> {
+  using Plan = ProductPlan<Scalar>;
+  using typename Plan::Projection, typename Plan::Scaled, typename Plan::Step;
+  using Plan::at, Plan::components, Plan::lanes, Plan::row;
+  using Plan::columns_, Plan::depth_, Plan::first_beta_, Plan::H_of_frame_, Plan::inputs_, Plan::projections_, Plan::rows_,
+      Plan::scaled_, Plan::steps_, Plan::tree_;
+  using Product = std::conditional_t<(lane_count<Scalar> > 1), BundleProduct<Scalar>, LimbProduct<Scalar>>;
+
 protected:
   [[gnu::cold]] ProductSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
-      : tree_(&tree), product_(tree, inputs.max_columns()), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
-        first_beta_(std::max(tree.n_v(), product_.least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
-        steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_column_(at(tree.size()) + 1, 0),
-        scale_(at(inputs.max_columns() + lanes), Scalar(1)), unit_rows_(tree)
+      : Plan(tree, inputs, Product::least_rows), product_(tree, inputs.max_columns()), unit_rows_(tree)
   {
-    rows_.setZero();
-    const FrameBuffers buffers(tree);
-    H_.setZero(buffers.count() * components * depth_);
-    for (Index f = 0; f < tree.n_frames(); ++f) { H_of_frame_.push_back(buffers[f] * components * depth_); }
-    const auto columns = at(inputs.max_columns());
-    columns_.reserve(columns);
-    scaled_.reserve(columns);
-    projections_.reserve(at(inputs.blocks()));
-    inputs_.number_columns();
-    plan();
+    H_.setZero(this->H_size_);
+    this->plan(product_);
   }
 
-  static constexpr int lanes = lane_count<Scalar>;  ///< columns or rows that one step of a loop treats
   using Lanes = detail::Lanes<Scalar>;
 
-  static constexpr int rate = 6;        ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeAxis
-  static constexpr int components = 7;  ///< of H per path position
-
-  /// What depends on which inputs are active. Of a subsystem:
-  struct Step {
-    Index needed = 0;    ///< path positions of ancestors that an input reaches
-    Index own = 0;       ///< and how many of its own
-    Index own_from = 0;  ///< where the lanes begin that these stand in
-    Index L = 0, inlet = 0, frame = 0;  ///< places of its rows of L, of H of inlet and first frame (4 % of instructions)
-    std::size_t projections = 0, projections_end = 0;  ///< inputs on it whose β is not a row of L
-  };
-  struct Projection {
-    Index block;
-    Index column;  ///< of β
-  };
-  /// A column of β that is a row of L times B̄.
-  struct Scaled {
-    Index column;
-    Index bbar;  ///< place in Workspace::Bbar
-  };
+  static constexpr int rate = 6;  ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeAxis
 
   Scalar* H(Index frame) { return H_.data() + H_of_frame_[at(frame)]; }
-  Scalar* row(Index k) { return rows_.data() + k * depth_; }
-
-  /// Once, and when other inputs are active than before. At each state, with what the product does likewise, it took 27 % of
-  /// what comes after the O(n) pass for a tree of 63 links, 23 % for the biped.
-  void plan()
-  {
-    columns_.clear();
-    std::fill(scale_.begin(), scale_.end(), Scalar(1));
-    scaled_.clear();
-    projections_.clear();
-    const Index stride = column_stride<Scalar>(tree_->n_v());
-    for (const Node& node : tree_->nodes()) {
-      const Index own = tree_->velocities(node.index);
-      Step& step = steps_[at(node.index)];
-      first_column_[at(node.index)] = static_cast<Index>(columns_.size());
-      step.projections = projections_.size();
-      inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
-        // With lanes > 1 a motor on a single velocity: a row of L as it is.
-        const bool as_it_is = lanes > 1 && own == 1 && input.kind == InputKind::motor;
-        const auto column = static_cast<Index>(columns_.size());
-        if (!as_it_is) { projections_.push_back({inputs_.id(input), column}); }
-        for (Index j = 0; j < input.size; ++j) {
-          if (as_it_is) { scaled_.push_back({column + j, input.bbar + j}); }
-          columns_.push_back({(bhat + j) * stride, node.index, node.path_v + own,
-                              as_it_is ? Index(input.v) : first_beta_ + column + j});
-        }
-      });
-      step.projections_end = projections_.size();
-    }
-    first_column_.back() = static_cast<Index>(columns_.size());
-    // Columns that no input reaches are not computed; those of a subsystem's ancestors that one does come first.
-    for (const Node& node : tree_->nodes()) {
-      const bool reached = is_reached(node);
-      Step& step = steps_[at(node.index)];
-      step.own = reached ? tree_->velocities(node.index) : 0;
-      step.L = node.v * depth_;
-      step.inlet = node.inlet < 0 ? 0 : H_of_frame_[at(node.inlet)];
-      step.frame = H_of_frame_[at(node.frame)];
-      step.own_from = reached ? node.path_v / lanes * lanes : depth_;
-      const bool guided = node.parent < 0 || is_reached(tree_->node(node.parent));
-      step.needed = guided ? Index(node.path_v) : steps_[at(node.parent)].needed;
-      for (Index v = node.v; v < node.v + tree_->velocities(node.index); ++v) {
-        Index& end = row_end_[at(v)];
-        const Index was = end;
-        end = padded<Scalar>(step.needed + step.own);
-        if (end < was) { std::fill(row(v) + end, row(v) + was, Scalar(0)); }
-      }
-    }
-    rows_.rightCols(rows_.cols() - first_beta_).setZero();
-    product_.plan(columns_, first_column_);
-  }
-
-  /// Whether an active input acts on the subtree of a subsystem.
-  bool is_reached(const Node& node) const
-  {
-    return first_column_[at(node.index)] < first_column_[at(node.subtree_end)];
-  }
 
   /// Step 2 at one subsystem: L and H; β = Hᵀ w or Lᵀ B̄ for the inputs that act on it. A function of its own: where g++ inlines
   /// it into a long one, which depends on the program around, its rows do not stay in registers (all of a biped 18 %, of a
@@ -153,10 +74,32 @@ protected:
   bool compute(const Workspace& ws, Matrix& Bhat, Loop&& outward_loop)
   {
     assert(Bhat.outerStride() == column_stride<Scalar>(tree_->n_v()));
-    if (inputs_.number_columns()) { plan(); }
+    if (inputs_.number_columns()) { this->plan(product_); }
     outward_loop();
-    for (const Scaled& scaled : scaled_) { scale_[at(scaled.column)] = ws.Bbar().data()[scaled.bbar]; }
-    return product_(rows_, scale_, columns_, Bhat);
+    const bool finite = product_(rows_, columns_, Bhat);
+    return scale_columns(ws, Bhat) && finite;
+  }
+
+  /// Columns that were rows of L, times their B̄. Returns true if they are known to be finite then.
+  template <class Workspace, class Matrix>
+  bool scale_columns(const Workspace& ws, Matrix& Bhat)
+  {
+    constexpr int side = register_lanes<Scalar>;
+    using Register = Row<Scalar, side>;
+    Register check = Register::Zero();
+    for (const Scaled& scaled : scaled_) {
+      const Scalar Bbar = ws.Bbar().data()[scaled.bbar];
+      if (Bbar == Scalar(1)) { continue; }
+      Scalar* const column = Bhat.data() + columns_[at(scaled.column)].begin;
+      for (Index v = 0; v < Bhat.rows(); v += side) {  // with the zeros between columns
+        const Register numbers = Register::load(column + v) * Bbar;
+        numbers.store(column + v);
+        check += numbers;
+      }
+    }
+    std::array<Scalar, side> sums;
+    check.store(sums.data());
+    return detail::is_finite(std::accumulate(sums.begin(), sums.end(), Scalar(0)));
   }
 
   template <class S, class Workspace>
@@ -348,23 +291,8 @@ protected:
     }
   }
 
-  static constexpr std::size_t at(Index k) { return static_cast<std::size_t>(k); }
-
-  const TreeData<Scalar>* tree_;
-  std::conditional_t<(lanes > 1), BundleProduct<Scalar>, LimbProduct<Scalar>> product_;
-  SortedInputs<Scalar> inputs_;
-  Index depth_;           // padded length of the longest path
-  Index first_beta_;      // row
-  MatrixX<Scalar> rows_;  // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β
-  VectorX<Scalar> H_;     // of a frame: per `lanes` path positions seven components, so that one address serves
-  std::vector<Index> H_of_frame_;
-  std::vector<Step> steps_;
-  std::vector<Index> row_end_;        // of a row of L: where its last lanes end
-  std::vector<Index> first_column_;   // of a subsystem: active columns, sorted, on those before it
-  std::vector<Scalar> scale_;         // of the columns that follow; 1 in the lanes after them
-  std::vector<BetaColumn> columns_;   // sorted along the tree
-  std::vector<Scaled> scaled_;
-  std::vector<Projection> projections_;
+  Product product_;
+  VectorX<Scalar> H_;  // of a frame: per `lanes` path positions seven components, so that one address serves
   UnitRows<Scalar> unit_rows_;
 };
 

@@ -10,10 +10,10 @@
 
 namespace iim::detail {
 
-/// side × side numbers, row r at from(r), to columns, column c at to(c), with row r times scale[r] if that is given: bit by bit of
-/// the indices, rows r and r + step exchange lanes.
+/// side × side numbers, row r at from(r), to columns, column c at to(c): bit by bit of the indices, rows r and r + step exchange
+/// lanes.
 template <class Scalar, int side, class From, class To>
-[[gnu::always_inline]] inline void transpose(From&& from, To&& to, const Scalar* scale = nullptr)
+[[gnu::always_inline]] inline void transpose(From&& from, To&& to)
 {
   using Vector = typename VectorOf<Scalar, side>::Type;
   Vector rows[side];
@@ -34,11 +34,6 @@ template <class Scalar, int side, class From, class To>
   if constexpr (side > 4) { exchange(std::integral_constant<int, 4>{}, lane); }
   if constexpr (side > 8) { exchange(std::integral_constant<int, 8>{}, lane); }
   static_assert(side <= 16);
-  if (scale != nullptr) {
-    Vector factor;
-    std::memcpy(&factor, scale, sizeof(Vector));
-    unrolled<side>([&](auto c) __attribute__((always_inline)) { rows[c] *= factor; });
-  }
   unrolled<side>([&](auto c) __attribute__((always_inline)) { std::memcpy(to(c), &rows[c], sizeof(Vector)); });
 }
 
