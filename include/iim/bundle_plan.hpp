@@ -145,7 +145,7 @@ private:
     Index path;         ///< place in paths_ of the velocities on its path
   };
 
-  void add_columns(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
+  [[gnu::noinline]] void add_columns(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
   {
     const Index begin = first_column.front(), end = first_column.back();
     for (Index j = begin; j < end; j += lanes) {

@@ -129,7 +129,13 @@ public:
     }
     pass.accelerations();
     const auto fd = pass.receipt();
-    return {(*this)(fd), fd};
+    if constexpr (detail::lane_count<Scalar> > 1) {
+      if (!fd.ok()) { return {failed(fd), fd}; }
+      auto Bhat = result_.Bhat(inputs_->columns());
+      return {finish(fd, (*sweep_)(workspace, Bhat)), fd};
+    } else {
+      return {(*this)(fd), fd};
+    }
   }
 
   /// Number of active columns from which on B̂ is computed as a product; below it, by sweeps.

@@ -64,9 +64,8 @@ protected:
     scaled_.clear();
     projections_.clear();
     const bool rows_first = rows_stand_apart();
-    if (rows_first) { list_columns(first_row_, [&](bool is_row) { return is_row; }); }
-    list_columns(first_other_, [&](bool is_row) { return !(is_row && rows_first); });
-    if (!rows_first) { std::fill(first_row_.begin(), first_row_.end(), Index(0)); }
+    list_columns(rows_first, false, first_row_);
+    list_columns(!rows_first, true, first_other_);
     // Columns that no input reaches are not computed; those of a subsystem's ancestors that one does come first.
     for (const Node& node : tree_->nodes()) {
       const bool reached = is_reached(node);
@@ -105,9 +104,8 @@ protected:
     return bundles(rows) + bundles(others) <= bundles(rows + others);
   }
 
-  /// The columns that are to be `taken`, sorted along the tree. first_column: of a subsystem, where those on it begin.
-  template <class Taken>
-  void list_columns(std::vector<Index>& first_column, Taken&& taken)
+  /// Columns that are rows of L, or others, or both, sorted along the tree. first_column: of a subsystem, where those on it begin.
+  [[gnu::noinline]] void list_columns(bool rows, bool others, std::vector<Index>& first_column)
   {
     const Index stride = column_stride<Scalar>(tree_->n_v());
     for (const Node& node : tree_->nodes()) {
@@ -116,7 +114,7 @@ protected:
       step.projections = projections_.size();
       inputs_.for_each_on(node.index, [&](const Input<Scalar>& input, Index bhat) {
         const bool as_it_is = is_row(input);
-        if (!taken(as_it_is)) { return; }
+        if (!(as_it_is ? rows : others)) { return; }
         const auto column = static_cast<Index>(columns_.size());
         if (!as_it_is) { projections_.push_back({inputs_.id(input), column}); }
         for (Index j = 0; j < input.size; ++j) {
