@@ -77,7 +77,11 @@ protected:
     if (inputs_.number_columns()) { this->plan(product_); }
     outward_loop();
     const bool finite = product_(rows_, columns_, Bhat);
-    return scale_columns(ws, Bhat) && finite;
+    if constexpr (lanes > 1) {
+      return scale_columns(ws, Bhat) && finite;
+    } else {
+      return finite;
+    }
   }
 
   /// Columns that were rows of L, times their B̄. Returns true if they are known to be finite then.
