@@ -234,6 +234,11 @@ struct TriplePair {
   {
     return {a.linear * s, a.angular * s};
   }
+  [[gnu::always_inline]] friend Scalar dot(const TriplePair& a, const TriplePair& b)
+  {
+    const Triple<Scalar> p = a.linear * b.linear + a.angular * b.angular;
+    return (p(0) + p(1)) + p(2);
+  }
   [[gnu::always_inline]] void put(Scalar* x) const
   {
     linear.put(x);
