@@ -11,6 +11,7 @@ struct CostOfGrowth {
   struct Scene {
     Spread pass;  ///< the O(n) pass alone [µs]
     Spread full;  ///< with B̂ [µs]
+    Spread apart; ///< with B̂ in a call of its own, after the pass [µs]
   };
   Scene chain_50_one, chain_50, chain_63, tree_63, chain_1000;
   double bytes;  ///< of workspace and method, chain of 1000, one input; NaN where the C library does not tell
