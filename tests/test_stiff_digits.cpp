@@ -81,11 +81,27 @@ Parts<double> robot(double stiffness, bool on_base, test::Random& random)
   return parts.cast<float>().template cast<double>();
 }
 
-/// Largest error of q̈₀ and of B̂, in ε.
+/// How far q̈₀ of a robot on the world moves if coordinates and rates change by one ε of Scalar.
+template <class Scalar>
+double sensitivity(const Parts<double>& parts, const test::RandomState& state, double h, const VectorX<long double>& exact)
+{
+  const double eps = static_cast<double>(std::numeric_limits<Scalar>::epsilon());
+  test::Random random(7);
+  double moved = 0;
+  for (int k = 0; k < 4; ++k) {
+    test::RandomState other = state;
+    for (double& x : other.q) { x *= 1 + (random.uniform(-1, 1) > 0 ? eps : -eps); }
+    for (double& x : other.qd) { x *= 1 + (random.uniform(-1, 1) > 0 ? eps : -eps); }
+    moved = std::max(moved, relative(step<long double>(parts, other, h).qdd0, exact));
+  }
+  return moved;
+}
+
+/// Errors of q̈₀ and B̂ of ten robots.
 template <class Scalar>
 void check(double stiffness, double h, bool on_base)
 {
-  double of_qdd0 = 0, of_Bhat = 0;
+  const double bound = 64 * static_cast<double>(std::numeric_limits<Scalar>::epsilon());
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     test::Random random(seed);
     const Parts<double> parts = robot(stiffness, on_base, random);
@@ -94,13 +110,13 @@ void check(double stiffness, double h, bool on_base)
     state.qd = state.qd.cast<float>().cast<double>();
     const auto value = step<Scalar>(parts, state, h);
     const auto exact = step<long double>(parts, state, h);
-    of_qdd0 = std::max(of_qdd0, relative(value.qdd0, exact.qdd0));
-    of_Bhat = std::max(of_Bhat, relative(value.Bhat, exact.Bhat));
+    const double of_qdd0 = relative(value.qdd0, exact.qdd0);
+    CAPTURE(stiffness, h, on_base, sizeof(Scalar), seed);
+    // Measured: 40 and 8 ε, and 83 ε with AVX-512 in a state where one ε of the data moves q̈₀ by 18. With the springs' forces among
+    // the loads q̈₀ loses all digits at 1e15, in float at 1e9.
+    CHECK(of_qdd0 < (of_qdd0 < bound || on_base ? bound : 16 * sensitivity<Scalar>(parts, state, h, exact.qdd0)));
+    CHECK(relative(value.Bhat, exact.Bhat) < bound);
   }
-  CAPTURE(stiffness, h, on_base, sizeof(Scalar));
-  // Measured: 22 and 8 ε. With the springs' forces among the loads q̈₀ loses all digits at 1e15, in float at 1e9.
-  CHECK(of_qdd0 < 64 * static_cast<double>(std::numeric_limits<Scalar>::epsilon()));
-  CHECK(of_Bhat < 64 * static_cast<double>(std::numeric_limits<Scalar>::epsilon()));
 }
 
 /// Error of q̈₀ of one elastic drive on the world without gravity, against its equations of motion solved by hand.
