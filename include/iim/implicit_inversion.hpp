@@ -129,13 +129,7 @@ public:
     }
     pass.accelerations();
     const auto fd = pass.receipt();
-    if constexpr (detail::lane_count<Scalar> > 1) {
-      if (!fd.ok()) { return {failed(fd), fd}; }
-      auto Bhat = result_.Bhat(inputs_->columns());
-      return {finish(fd, (*sweep_)(workspace, Bhat)), fd};
-    } else {
-      return {(*this)(fd), fd};
-    }
+    return {(*this)(fd), fd};
   }
 
   /// Number of active columns from which on B̂ is computed as a product; below it, by sweeps.

@@ -100,8 +100,7 @@ protected:
   {
     Index rows = 0, others = 0;
     inputs_.for_each([&](const Input<Scalar>& input, Index) { (is_row(input) ? rows : others) += input.size; });
-    const auto bundles = [](Index count) { return (count + lanes - 1) / lanes; };
-    return bundles(rows) + bundles(others) <= bundles(rows + others);
+    return padded<Scalar>(rows) + padded<Scalar>(others) <= padded<Scalar>(rows + others);
   }
 
   /// Columns that are rows of L, or others, or both, sorted along the tree. first_column: of a subsystem, where those on it begin.
