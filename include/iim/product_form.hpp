@@ -179,6 +179,7 @@ protected:
         l[0] -= undone;
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
+      if (!step.hands_on) { continue; }
       if constexpr (free_root) {
         std::array<Lanes, components> h;
         h.fill(Lanes::Zero());
