@@ -284,4 +284,54 @@ TEST_CASE("robots of other scalars")
   CHECK(parse_urdf<long double>(text).tree().placement(0).p.z() == static_cast<long double>(0.1));
 }
 
+TEST_CASE("white space about numbers is none of theirs")
+{
+  const auto r = parse_urdf<double>(
+      robot_xml(link_xml("base") +
+                link_xml("a", "<inertial><origin xyz='0.1\t0\n 0\r\n'/><mass value=' 2 '/><inertia ixx='0.01 ' "
+                              "ixy='0' ixz=' 0' iyy='0.02' iyz='0' izz='0.025'/></inertial>") +
+                joint_xml("j", "continuous", "base", "a", "<origin xyz='1 2\t3'/><axis xyz='0 0 1 '/>")));
+  const Body<double>& body = part<RevoluteLink<double>>(r, "a").body;
+  CHECK(body.mass == 2);
+  CHECK(body.com == vec(0.1, 0, 0));
+  CHECK(body.inertia.diagonal() == vec(0.01, 0.02, 0.025));
+  CHECK(attachment(r, "a").p == vec(1, 2, 3));
+  CHECK(part<RevoluteLink<double>>(r, "a").joint.axis == vec(0, 0, 1));
+  CHECK(r.warnings.empty());
+}
+
+TEST_CASE("axes that were written to a few digits are unit vectors")
+{
+  const auto r = parse_urdf<double>(robot_xml(
+      link_xml("base") + link_xml("a") + joint_xml("j", "continuous", "base", "a", "<axis xyz='0.577 0.577 -0.577'/>")));
+  CHECK((part<RevoluteLink<double>>(r, "a").joint.axis - vec(1, 1, -1) / std::numbers::sqrt3).norm() <= 4 * eps);
+}
+
+TEST_CASE("rotations of fixed joints in a row are multiplied in double for float, too")
+{
+  std::string inside = link_xml("base") + link_xml("a0") + joint_xml("j", "continuous", "base", "a0");
+  for (int k = 0; k < 60; ++k) {
+    const std::string here = "a" + std::to_string(k), next = "a" + std::to_string(k + 1);
+    inside += link_xml(next, "") +
+              joint_xml("f" + std::to_string(k), "fixed", here, next, "<origin xyz='0.1 0 0' rpy='0.3 -1.1 2.3'/>");
+  }
+  inside += link_xml("tip") + joint_xml("k", "continuous", "a60", "tip");
+  const auto in_float = parse_urdf<float>(robot_xml(inside));
+  CHECK(in_float.tree().n_v() == 2);
+  const auto same = parse_urdf<double>(robot_xml(inside));
+  CHECK(in_float.assembly.parts()[1].on.R == attachment(same, "tip").R.cast<float>());
+}
+
+TEST_CASE("a motor without inertia takes nothing out of a link without mass")
+{
+  UrdfOptions<double> options;
+  options.rotors_in_links = true;
+  options.motors["k"].gear_ratio = 50;
+  const auto r = parse_urdf<double>(
+      robot_xml(link_xml("base") + link_xml("cross", "") + link_xml("a") + joint_xml("j", "continuous", "base", "cross") +
+                joint_xml("k", "continuous", "cross", "a", "<axis xyz='0 0 1'/>")),
+      options);
+  CHECK(r.tree().n_v() == 2);
+}
+
 }  // namespace test_urdf

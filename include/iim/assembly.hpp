@@ -5,6 +5,7 @@
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
 
+#include <algorithm>
 #include <limits>
 #include <map>
 #include <string>
@@ -176,7 +177,8 @@ private:
       }
     }
     const Scalar volume = dot(detail::column(on.R, 0), cross(detail::column(on.R, 1), detail::column(on.R, 2)));
-    if (!(detail::to_double(error) < 1e-12) || !(volume > Scalar(0))) {
+    const double rounding = 64 * detail::to_double(Eigen::NumTraits<Scalar>::epsilon());  // a few rotations multiplied
+    if (!(detail::to_double(error) < std::max(1e-12, rounding * rounding)) || !(volume > Scalar(0))) {
       throw ModelError("'" + name + "': the coupling point's R must be a rotation, got " + detail::to_text(on.R));
     }
   }

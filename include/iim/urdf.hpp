@@ -18,6 +18,7 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 namespace iim {
@@ -27,36 +28,42 @@ namespace iim {
 ///
 /// Motors come from UrdfOptions::motors and from <transmission>: <mechanicalReduction> and, beside it, <rotorInertia>
 /// [kg m²] and <rotorAxis xyz> (joint axes), or Drake's <drake:gear_ratio value> and <drake:rotor_inertia value>. The
-/// input of a joint without motor is the generalised force on it.
+/// input of a joint without motor is the generalised force on it. Axes are made unit vectors where they are that within 10⁻³.
 template <class Scalar>
 UrdfRobot<Scalar> parse_urdf(const std::string& text, const UrdfOptions<Scalar>& options = {},
                              const std::string& name = "URDF text")
 {
-  namespace file = detail::urdf_file;
-  file::Document document;
-  if (!file::parse(document, text)) {
-    const auto [row, reason] = file::failure(document);
-    throw ModelError(name + ":" + std::to_string(row) + ": not an XML file: " + reason);
-  }
-  const file::Element* root = document.RootElement();
-  if (root == nullptr || std::string(root->Value()) != "robot") {
-    throw ModelError(name + ": not a URDF file: its root element is " +
-                     (root == nullptr ? "missing" : "<" + std::string(root->Value()) + ">") + ", not <robot>");
-  }
-  const file::Source source = file::survey(*root, name);
-  std::map<std::string, UrdfMotor<Scalar>> motors = options.motors;
-  if (options.transmissions) {
-    for (const auto& [joint, read] : file::read_transmissions(*root, source)) {
-      UrdfMotor<Scalar> motor{Scalar(read.ratio), Scalar(read.rotor_inertia)};
-      if (read.rotor_axis) { motor.axis = read.rotor_axis->template cast<Scalar>(); }
-      motors.emplace(joint, motor);
+  if constexpr (std::is_same_v<Scalar, float>) {  // as exact as the file: fixed joints in a row multiply rotations
+    UrdfRobot<double> robot = parse_urdf<double>(text, options.template cast<double>(), name);
+    return {robot.name, robot.assembly.template cast<float>(), std::move(robot.joints), std::move(robot.warnings)};
+  } else {
+    namespace file = detail::urdf_file;
+    file::Document document;
+    if (!file::parse(document, text)) {
+      const auto [row, reason] = file::failure(document);
+      throw ModelError(name + ":" + std::to_string(row) + ": not an XML file: " + reason);
     }
+    const file::Element* root = document.RootElement();
+    if (root == nullptr || std::string(root->Value()) != "robot") {
+      throw ModelError(name + ": not a URDF file: its root element is " +
+                       (root == nullptr ? "missing" : "<" + std::string(root->Value()) + ">") + ", not <robot>");
+    }
+    file::straighten(document);
+    const file::Source source = file::survey(*root, name);
+    std::map<std::string, UrdfMotor<Scalar>> motors = options.motors;
+    if (options.transmissions) {
+      for (const auto& [joint, read] : file::read_transmissions(*root, source)) {
+        UrdfMotor<Scalar> motor{Scalar(read.ratio), Scalar(read.rotor_inertia)};
+        if (read.rotor_axis) { motor.axis = read.rotor_axis->template cast<Scalar>(); }
+        motors.emplace(joint, motor);
+      }
+    }
+    UrdfRobot<Scalar> robot;
+    const auto model = file::read_model(file::text_of(document), name, robot.warnings);
+    robot.name = model->getName();
+    file::Builder<Scalar>(options, source, std::move(motors)).build(*model, robot);
+    return robot;
   }
-  UrdfRobot<Scalar> robot;
-  const auto model = file::read_model(text, name, robot.warnings);
-  robot.name = model->getName();
-  file::Builder<Scalar>(options, source, std::move(motors)).build(*model, robot);
-  return robot;
 }
 
 /// A robot from a URDF file; as parse_urdf.

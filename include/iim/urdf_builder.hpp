@@ -126,36 +126,69 @@ private:
     return root.child_links[0].get();
   }
 
-  void place(const urdf::Link& link, const Seat& seat)
+  struct Waiting {
+    const urdf::Link* link;
+    const urdf::Joint* joint;  ///< that it hangs on; null for the root
+    Seat parent;
+  };
+
+  /// Depth first, brothers in urdfdom's order.
+  void place(const urdf::Link& root, const Seat& seat)
+  {
+    std::vector<Waiting> waiting{{&root, nullptr, seat}};
+    while (!waiting.empty()) {
+      const Waiting next = waiting.back();
+      waiting.pop_back();
+      const urdf::Link& link = *next.link;
+      const Seat own = next.joint != nullptr ? moved(*next.joint, next.parent) : next.parent;
+      place_alone(link, own);
+      for (std::size_t k = link.child_joints.size(); k-- > 0;) {
+        waiting.push_back({link.child_links[k].get(), link.child_joints[k].get(), own});
+      }
+    }
+  }
+
+  /// Where the link on a joint sits: on a part of its own, if the joint moves.
+  Seat moved(const urdf::Joint& joint, const Seat& parent)
+  {
+    const Placement<Scalar> origin = placement<Scalar>(joint.parent_to_joint_origin_transform);
+    if (joint.type == urdf::Joint::FIXED) { return {parent.part, parent.on_part * origin}; }
+    const std::string where = source_.joint(joint.name);
+    if (joint.type != urdf::Joint::FLOATING) { UnitAxis<Scalar>(axis_of(joint), where); }
+    if (joint.mimic && options_.mimic == Mimic::reject) {
+      throw ModelError(where + ": mimics joint '" + joint.mimic->joint_name +
+                       "', which a tree cannot hold (Mimic::independent drops the tie)");
+    }
+    parts_.push_back({joint.child_link_name, attachment(parent, origin), &joint, {}, parent.part});
+    return {static_cast<int>(parts_.size()) - 1, {}};
+  }
+
+  void place_alone(const urdf::Link& link, const Seat& seat)
   {
     if (link.name == "world" && link.parent_joint) {
       throw ModelError(source_.link(link.name) + ": only the root may be called 'world'");
     }
     seats_.emplace(link.name, seat);
-    if (link.inertial) {
-      const urdf::Inertial& given = *link.inertial;
-      Body<Scalar> body;
-      body.mass = Scalar(given.mass);
-      body.inertia << Scalar(given.ixx), Scalar(given.ixy), Scalar(given.ixz), Scalar(given.ixy), Scalar(given.iyy),
-          Scalar(given.iyz), Scalar(given.ixz), Scalar(given.iyz), Scalar(given.izz);
-      if (body.mass != Scalar(0) || body.inertia != Matrix3<Scalar>::Zero()) { take(body, given, link.name, seat); }
-    }
-    for (std::size_t k = 0; k < link.child_joints.size(); ++k) {
-      const urdf::Joint& joint = *link.child_joints[k];
-      const std::string where = source_.joint(joint.name);
-      const Placement<Scalar> origin = placement<Scalar>(joint.parent_to_joint_origin_transform);
-      if (joint.type == urdf::Joint::FIXED) {
-        place(*link.child_links[k], {seat.part, seat.on_part * origin});
-        continue;
+    if (!link.inertial) {
+      if (source_.with_inertia.contains(link.name)) {
+        throw ModelError(source_.link(link.name) + ": urdfdom cannot read its <inertial>");
       }
-      if (joint.type != urdf::Joint::FLOATING) { UnitAxis<Scalar>(vector<Scalar>(joint.axis), where); }
-      if (joint.mimic && options_.mimic == Mimic::reject) {
-        throw ModelError(where + ": mimics joint '" + joint.mimic->joint_name +
-                         "', which a tree cannot hold (Mimic::independent drops the tie)");
-      }
-      parts_.push_back({joint.child_link_name, attachment(seat, origin), &joint, {}, seat.part});
-      place(*link.child_links[k], {static_cast<int>(parts_.size()) - 1, {}});
+      return;
     }
+    const urdf::Inertial& given = *link.inertial;
+    Body<Scalar> body;
+    body.mass = Scalar(given.mass);
+    body.inertia << Scalar(given.ixx), Scalar(given.ixy), Scalar(given.ixz), Scalar(given.ixy), Scalar(given.iyy),
+        Scalar(given.iyz), Scalar(given.ixz), Scalar(given.iyz), Scalar(given.izz);
+    if (body.mass != Scalar(0) || body.inertia != Matrix3<Scalar>::Zero()) { take(body, given, link.name, seat); }
+  }
+
+  /// Unit vectors are written to a few digits in many files; what is no unit vector is left as it is.
+  static Vector3<Scalar> axis_of(const urdf::Joint& joint)
+  {
+    const Vector3<Scalar> axis = vector<Scalar>(joint.axis);
+    const Scalar length = axis.norm();
+    return length > Scalar(0.999) && length < Scalar(1.001) ? Vector3<Scalar>(axis / length) : axis;
   }
 
   /// A flawed inertia is forgiven where the merged body is sound, as it is in many files: a small link on a large one.
@@ -201,7 +234,7 @@ private:
     const UrdfMotor<Scalar>& given = motors_.at(joint.name);
     Motor<Scalar> motor{given.gear_ratio,         given.axial_inertia, {}, given.mass, given.com,
                         given.transverse_inertia, given.armature};
-    motor.axis = given.axis ? *given.axis : UnitAxis<Scalar>(vector<Scalar>(joint.axis), "").direction;
+    motor.axis = given.axis ? *given.axis : UnitAxis<Scalar>(axis_of(joint), "").direction;
     return motor;
   }
 
@@ -210,7 +243,7 @@ private:
     for (const Part& part : parts_) {
       if (part.joint == nullptr || part.parent < 0 || !motors_.contains(part.joint->name)) { continue; }
       Motor<Scalar> motor = motor_of(*part.joint);
-      if (motor.armature) { continue; }
+      if (motor.armature || !(motor.axial_inertia > Scalar(0))) { continue; }
       const std::string where = source_.joint(part.joint->name);
       if (motor.mass > Scalar(0)) {
         throw ModelError(where + ": with UrdfOptions::rotors_in_links the rotor's mass must be zero, got " +
@@ -229,7 +262,7 @@ private:
   static RigidLink<Joint> link(const urdf::Joint& joint, const Body<Scalar>& body)
   {
     RigidLink<Joint> part;
-    part.joint.axis = vector<Scalar>(joint.axis);
+    part.joint.axis = axis_of(joint);
     part.body = body;
     return part;
   }

@@ -16,6 +16,7 @@
 #include <tinyxml2.h>
 #endif
 
+#include <algorithm>
 #include <cctype>
 #include <cstddef>
 #include <exception>
@@ -24,6 +25,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -34,6 +36,7 @@ namespace iim::detail::urdf_file {
 #ifdef TINYXML2_INCLUDED
 using Document = tinyxml2::XMLDocument;
 using Element = tinyxml2::XMLElement;
+using Printer = tinyxml2::XMLPrinter;
 inline int row(const Element& e) { return e.GetLineNum(); }
 inline bool parse(Document& document, const std::string& text)
 {
@@ -46,6 +49,7 @@ inline std::pair<int, std::string> failure(const Document& document)
 #else
 using Document = TiXmlDocument;
 using Element = TiXmlElement;
+using Printer = TiXmlPrinter;
 inline int row(const Element& e) { return e.Row(); }
 inline bool parse(Document& document, const std::string& text)
 {
@@ -75,6 +79,50 @@ inline std::string attribute(const Element& e, const char* name)
   return text != nullptr ? text : "";
 }
 
+/// What stands between its tags, comments left out.
+inline std::string text_of(const Element& e)
+{
+  std::string text;
+  for (const auto* child = e.FirstChild(); child != nullptr; child = child->NextSibling()) {
+    if (child->ToText() != nullptr) { text += child->Value(); }
+  }
+  return text;
+}
+
+/// White space in attributes as XML and URDF mean it, tabs and line ends being blanks and those around numbers nothing: urdfdom
+/// takes only single blanks for it, and goes on without a link's inertia where it finds others.
+inline void straighten(Document& document)
+{
+  std::vector<Element*> elements{document.RootElement()};
+  std::vector<std::pair<std::string, std::string>> others;
+  while (!elements.empty()) {
+    Element* const e = elements.back();
+    elements.pop_back();
+    others.clear();
+    for (const auto* attribute = e->FirstAttribute(); attribute != nullptr; attribute = attribute->Next()) {
+      const std::string name = attribute->Name(), before = attribute->Value();
+      std::string value = before;
+      std::replace_if(value.begin(), value.end(), [](char c) { return c == '\t' || c == '\n' || c == '\r'; }, ' ');
+      if (name != "name" && name != "link" && name != "joint" && name != "type") {
+        value.erase(value.find_last_not_of(' ') + 1);
+        value.erase(0, value.find_first_not_of(' '));
+      }
+      if (value != before) { others.emplace_back(name, value); }
+    }
+    for (const auto& [name, value] : others) { e->SetAttribute(name.c_str(), value.c_str()); }
+    for (Element* child = e->FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
+      elements.push_back(child);
+    }
+  }
+}
+
+inline std::string text_of(const Document& document)
+{
+  Printer printer;
+  document.Accept(&printer);
+  return printer.CStr();
+}
+
 inline std::string link_of(const Element& joint, const char* end)
 {
   const Element* e = joint.FirstChildElement(end);
@@ -86,6 +134,7 @@ struct Source {
   std::string name;
   std::map<std::string, int> links{};
   std::map<std::string, int> joints{};
+  std::set<std::string> with_inertia{};  ///< links
 
   std::string at(int row) const { return name + ":" + std::to_string(row) + ": "; }
   std::string link(const std::string& item) const { return at(links.at(item)) + "link '" + item + "'"; }
@@ -167,13 +216,17 @@ inline Source survey(const Element& robot, const std::string& name)
     if (kind.starts_with("xacro:")) {
       throw ModelError(source.at(row(e)) + "<" + kind + ">: the file must be expanded by xacro first");
     }
+    const std::string item = source.at(row(e)) + kind + " '" + attribute(e, "name") + "'";
     if (kind == "link") {
-      source.links.emplace(attribute(e, "name"), row(e));
-      check_inertial(e, source.at(row(e)) + "link '" + attribute(e, "name") + "'");
+      const auto [before, is_new] = source.links.emplace(attribute(e, "name"), row(e));
+      if (!is_new) { throw ModelError(item + ": there is a link of that name in line " + std::to_string(before->second)); }
+      check_inertial(e, item);
+      if (e.FirstChildElement("inertial") != nullptr) { source.with_inertia.insert(attribute(e, "name")); }
     }
     if (kind != "joint") { return; }
     const std::string joint = attribute(e, "name");
-    source.joints.emplace(joint, row(e));
+    const auto [before, is_new] = source.joints.emplace(joint, row(e));
+    if (!is_new) { throw ModelError(item + ": there is a joint of that name in line " + std::to_string(before->second)); }
     const std::string type = attribute(e, "type");
     if (type == "planar") {
       throw ModelError(source.joint(joint) + ": planar joints are not supported; chain two prismatic and one revolute");
@@ -182,20 +235,29 @@ inline Source survey(const Element& robot, const std::string& name)
       throw ModelError(source.joint(joint) + ": unknown type '" + type + "'");
     }
     const std::string child = link_of(e, "child");
+    if (child.empty() || link_of(e, "parent").empty()) {
+      throw ModelError(source.joint(joint) + ": <" + (child.empty() ? "child" : "parent") + " link> is missing");
+    }
     if (!joint_of.emplace(child, joint).second) {
       throw ModelError(source.joint(joint) + ": link '" + child + "' has a parent already, by joint '" +
                        joint_of[child] + "'");
     }
     parent_of[child] = link_of(e, "parent");
   });
+  std::set<std::string> rooted;  // known to be
   for (const auto& [link, joint] : joint_of) {
+    for (const std::string& end : {link, parent_of[link]}) {
+      if (!source.links.contains(end)) { throw ModelError(source.joint(joint) + ": there is no link '" + end + "'"); }
+    }
+    std::vector<std::string> path;
     std::string ancestor = link;
-    for (std::size_t steps = 0; parent_of.contains(ancestor); ++steps) {
-      if (steps > parent_of.size()) {
+    for (; parent_of.contains(ancestor) && !rooted.contains(ancestor); ancestor = parent_of[ancestor]) {
+      path.push_back(ancestor);
+      if (path.size() > parent_of.size()) {
         throw ModelError(source.joint(joint) + ": link '" + link + "' hangs on a loop of joints");
       }
-      ancestor = parent_of[ancestor];
     }
+    rooted.insert(path.begin(), path.end());
   }
   return source;
 }
@@ -229,20 +291,26 @@ inline void read_transmission(const Element& e, const Source& source, std::map<s
   if (!source.joints.contains(joints[0])) { throw ModelError(where + ": there is no joint '" + joints[0] + "'"); }
 
   Transmission motor;
-  std::map<std::string, std::string> given;
+  std::map<std::string, std::vector<double>> given;
   const auto read = [&](const Element& parameter) {
     std::string name = plain(parameter.Value());
     if (name == "mechanicalreduction") { name = "gearratio"; }
     if (name != "gearratio" && name != "rotorinertia" && name != "rotoraxis") { return; }
-    const char* text = parameter.GetText();
-    const std::string value =
-        attribute(parameter, name == "rotoraxis" ? "xyz" : "value") + (text != nullptr ? text : "");
+    const char* const key = name == "rotoraxis" ? "xyz" : "value";
     const std::string item = where + ": <" + parameter.Value() + ">";
-    const auto [before, is_new] = given.emplace(name, value);
-    if (!is_new && before->second != value) {
-      throw ModelError(item + " is given twice, '" + before->second + "' and '" + value + "'");
+    const std::string between = text_of(parameter);
+    const bool as_attribute = parameter.Attribute(key) != nullptr;
+    if (as_attribute && between.find_first_not_of(" \t\r\n") != std::string::npos) {
+      throw ModelError(item + " is given twice, '" + attribute(parameter, key) + "' and '" + between + "'");
     }
+    const std::string value = as_attribute ? attribute(parameter, key) : between;
     const std::vector<double> x = numbers(value, name == "rotoraxis" ? 3 : 1, item);
+    const auto [before, is_new] = given.emplace(name, x);
+    if (!is_new && before->second != x) {
+      std::ostringstream first;
+      for (const double& number : before->second) { first << (&number == before->second.data() ? "" : " ") << number; }
+      throw ModelError(item + " is given twice, '" + first.str() + "' and '" + value + "'");
+    }
     if (name == "gearratio") {
       motor.ratio = x[0];
       if (x[0] == 0) { throw ModelError(item + " must not be zero, got " + value); }

@@ -28,6 +28,14 @@ struct UrdfMotor {
   Vector3<Scalar> com = Vector3<Scalar>::Zero();  ///< joint axes, from the joint [m]
   Scalar transverse_inertia = Scalar(0);          ///< [kg m²]
   bool armature = false;                          ///< as in Motor
+
+  template <class T>
+  UrdfMotor<T> cast() const
+  {
+    UrdfMotor<T> motor{T(gear_ratio), T(axial_inertia), {}, T(mass), com.template cast<T>(), T(transverse_inertia), armature};
+    if (axis) { motor.axis = axis->template cast<T>(); }
+    return motor;
+  }
 };
 
 /// A frame to be named on a link, whether that link moves or is merged.
@@ -49,6 +57,15 @@ struct UrdfOptions {
   bool rotors_in_links = false;
   Mimic mimic = Mimic::reject;
   std::vector<UrdfFrame<Scalar>> frames{};
+
+  template <class T>
+  UrdfOptions<T> cast() const
+  {
+    UrdfOptions<T> options{base, at.template cast<T>(), {}, transmissions, rotors_in_links, mimic, {}};
+    for (const auto& [joint, motor] : motors) { options.motors.emplace(joint, motor.template cast<T>()); }
+    for (const auto& frame : frames) { options.frames.push_back({frame.name, frame.link, frame.at.template cast<T>()}); }
+    return options;
+  }
 };
 
 /// A joint that moves.
