@@ -25,6 +25,7 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   if (!inlet.keeps_v) { return; }
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   shared.difference = shift_twist(state.r, inlet.S);
+  shared.terms.setZero();
   shared.share = shared.undone = shared.slip = Scalar(0);
   if constexpr (one_column<S, Workspace>) {
     if (inlet.apart_along == node.index) {
@@ -48,6 +49,15 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
 #pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
     shared.share = whole + rest;
+    if (!(shared.difference == Vector6<Scalar>::Zero())) {
+      using std::abs;
+#pragma GCC unroll 8
+      for (int k = 0; k < 3; ++k) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        shared.terms(k) = abs(inlet.S(k)) + abs(inlet.S(i + 3) * state.r(j)) + abs(inlet.S(j + 3) * state.r(i)) + abs(whole * own(k));
+        shared.terms(k + 3) = abs(inlet.S(k + 3)) + abs(whole * own(k + 3));
+      }
+    }
     shared.undone = shared.share * undone;
     shared.slip = shared.share * slip;
   }
@@ -132,9 +142,12 @@ void stack_on_inlet(
         inlet.scale += whole * abs(share);
       }
     }
+    // Of axes that coincide the difference is roundings alone.
+    const Vector6<Scalar>& terms = ws.shared_axis(node.index).terms;
+    const Scalar eighth(0.125);
     Scalar moved_scale(0);
 #pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * abs(T(k)); }
+    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * (abs(T(k)) + terms(k) * eighth); }
     inlet.scale += moved_scale;
   }
   if (body_rows > 0) {
