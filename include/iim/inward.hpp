@@ -225,7 +225,8 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
       for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
     }
     add_square(rotor.J, z, A);
-    size[0].angular = max(size[0].angular, triple(rotor.a) * triple(rotor.a) * rotor.J);
+    // |z| ≤ 1 is wrong by ε.
+    size[0].angular = max(size[0].angular, max(z.angular * rotor.J, z.angular * Scalar(-rotor.J)));
   }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     for (const auto& spring : state.springs) {
