@@ -25,7 +25,6 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   if (!inlet.keeps_v) { return; }
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   shared.difference = shift_twist(state.r, inlet.S);
-  shared.terms.setZero();
   shared.share = shared.undone = shared.slip = Scalar(0);
   if constexpr (one_column<S, Workspace>) {
     if (inlet.apart_along == node.index) {
@@ -49,18 +48,47 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
 #pragma GCC unroll 8
     for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
     shared.share = whole + rest;
-    if (!(shared.difference == Vector6<Scalar>::Zero())) {
-      using std::abs;
-#pragma GCC unroll 8
-      for (int k = 0; k < 3; ++k) {
-        const int i = (k + 1) % 3, j = (k + 2) % 3;
-        shared.terms(k) = abs(inlet.S(k)) + abs(inlet.S(i + 3) * state.r(j)) + abs(inlet.S(j + 3) * state.r(i)) + abs(whole * own(k));
-        shared.terms(k + 3) = abs(inlet.S(k + 3)) + abs(whole * own(k + 3));
-      }
-    }
     shared.undone = shared.share * undone;
     shared.slip = shared.share * slip;
   }
+}
+
+/// Whether S of a subsystem and of its inlet are about one line.
+template <class S, class Workspace>
+[[gnu::always_inline]] inline bool coincide(const Node& node, const NodeState<S>& state, const Workspace& ws)
+{
+  using std::abs;
+  using Scalar = typename S::Scalar;
+  const RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  if (!inlet.keeps_v) { return false; }
+  const auto sum = [](const auto& x, int k) { return Scalar((abs(x(k)) + abs(x(k + 1))) + abs(x(k + 2))); };
+  const Vector6<Scalar>& T = ws.shared_axis(node.index).difference;
+  const Scalar small(1e-3);
+  return !(sum(T, 3) > small) && !(sum(T, 0) > small * (sum(state.r, 0) + sum(inlet.S, 0)));
+}
+
+/// Of axes that coincide the difference is roundings of what it is taken from, and so is v of the rows that are handed on: to the
+/// scale an eighth of Σ |n| · |what it is taken from|, so that v below 8 ε of this counts as zero. What is exactly zero has no
+/// roundings.
+template <class S, class Workspace>
+[[gnu::noinline, gnu::cold]] void add_scale_of_roundings(const Node& node, const NodeState<S>& state, Workspace& ws)
+{
+  using std::abs;
+  using Scalar = typename S::Scalar;
+  RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  const Vector6<Scalar>&T = ws.shared_axis(node.index).difference, &own = state.S_k[0], &inlet_S = inlet.S;
+  const bool moves = (abs(T(0)) + abs(T(1))) + abs(T(2)) > Scalar(0), turns = (abs(T(3)) + abs(T(4))) + abs(T(5)) > Scalar(0);
+  const RootInertia<Scalar>& N = ws.root(node.frame);
+  RootRow<Scalar> size = RootRow<Scalar>::Zero();
+  for (int r = 0; r < N.rows; ++r) { size += N.row[static_cast<std::size_t>(r)].abs(); }
+  Scalar scale(0);
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    const Scalar arms = abs(inlet_S(i + 3) * state.r(j)) + abs(inlet_S(j + 3) * state.r(i));
+    if (moves) { scale += size(k) * (abs(inlet_S(k)) + arms + abs(own(k))); }
+    if (turns) { scale += size(k + 3) * (abs(inlet_S(k + 3)) + abs(own(k + 3))); }
+  }
+  inlet.scale += scale * Scalar(0.125);
 }
 
 /// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of S_i.
@@ -142,12 +170,9 @@ void stack_on_inlet(
         inlet.scale += whole * abs(share);
       }
     }
-    // Of axes that coincide the difference is roundings alone.
-    const Vector6<Scalar>& terms = ws.shared_axis(node.index).terms;
-    const Scalar eighth(0.125);
     Scalar moved_scale(0);
 #pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * (abs(T(k)) + terms(k) * eighth); }
+    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * abs(T(k)); }
     inlet.scale += moved_scale;
   }
   if (body_rows > 0) {

@@ -81,7 +81,6 @@ struct RootInertia {
 template <class Scalar>
 struct SharedAxis {
   Vector6<Scalar> difference;
-  Vector6<Scalar> terms;  ///< absolute values of what it is summed from: its roundings are ε times these
   Scalar share;
   Scalar undone;  ///< share · W S_i, each of the two without subtracting the other from 1
   Scalar slip;    ///< share · (1 − W S_i)
