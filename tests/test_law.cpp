@@ -122,7 +122,7 @@ TEST_CASE("the order of adding permutes rows and nothing else", "[law]")
       }
     });
     const Result permuted = solve(other, test::make_inputs(other, random.inputs), q, qd);
-    CHECK(apart(permuted.Bhat, result.Bhat(row, Eigen::placeholders::all)) < twice);
+    CHECK(apart(permuted.Bhat, result.Bhat(row, Eigen::indexing::all)) < twice);
     CHECK(apart(permuted.qdd0, result.qdd0(row)) < twice);
   }
 }

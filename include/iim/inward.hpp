@@ -226,7 +226,8 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
     }
     add_square(rotor.J, z, A);
     // |z| ≤ 1 is wrong by ε.
-    size[0].angular = max(size[0].angular, max(z.angular * rotor.J, z.angular * Scalar(-rotor.J)));
+    const Triple<Scalar> Jz = z.angular * rotor.J, zero(Scalar(0), Scalar(0), Scalar(0));
+    size[0].angular = max(size[0].angular, max(Jz, zero - Jz));
   }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     for (const auto& spring : state.springs) {
