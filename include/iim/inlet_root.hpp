@@ -53,14 +53,15 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   }
 }
 
-/// Whether S of a subsystem and of its inlet are about one line.
+/// Whether S of a subsystem and of its inlet are about one line, where a body of six rows does not keep the latter's v from
+/// being roundings.
 template <class S, class Workspace>
 [[gnu::always_inline]] inline bool coincide(const Node& node, const NodeState<S>& state, const Workspace& ws)
 {
   using std::abs;
   using Scalar = typename S::Scalar;
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  if (!inlet.keeps_v) { return false; }
+  if (ws.frame_body(node.inlet).rows == BodyRoot<Scalar>::most_rows || !inlet.keeps_v) [[likely]] { return false; }
   const auto sum = [](const auto& x, int k) { return Scalar((abs(x(k)) + abs(x(k + 1))) + abs(x(k + 2))); };
   const Vector6<Scalar>& T = ws.shared_axis(node.index).difference;
   const Scalar small(1e-3);
