@@ -5,7 +5,8 @@
 
 #include <iim/iim.hpp>
 
-#include <string>
+#include <cstdint>
+#include <type_traits>
 
 namespace test_status_singular {
 
@@ -17,7 +18,7 @@ using Parts = StandardAssembly<double>;
 
 const Body<double> massless = Body<double>::massless();
 
-/// Whether any of the methods' O(n) passes takes the machine for a regular one.
+/// Whether the O(n) pass takes the machine for a regular one.
 template <class Scalar, Update update>
 bool passes(const Parts& parts, std::uint64_t seed)
 {
