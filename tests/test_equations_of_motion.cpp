@@ -124,14 +124,16 @@ Pose pose(const Tree& tree, const Vector& q)
       inlet = parent * at;
     }
     const NodeState<S>& state = ws.template node<S>(node);
-    Vector3<Real> point = inlet.p;
-    if constexpr (detail::is_free<S>()) { point += inlet.R * q.template segment<3>(node.q); }
     pose.inlet_R.push_back(state.R);
     pose.inlet_p.push_back(inlet.p);
     for (int k = 0; k < S::n_frames; ++k) {
       const FrameState<Real>& f = ws.frame(node.frame + k);
       pose.R.push_back(f.R);
-      pose.p.push_back(point + f.r);
+      if constexpr (detail::is_free<S>()) {
+        pose.p.push_back(inlet.p + inlet.R * q.template segment<3>(node.q));
+      } else {
+        pose.p.push_back(inlet.p + f.r);
+      }
     }
   });
   return pose;

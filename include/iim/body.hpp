@@ -70,8 +70,8 @@ struct FrameMass {
   Scalar mass = Scalar(0);
   Vector3<Scalar> com = Vector3<Scalar>::Zero();              ///< centre of mass
   Matrix3<Scalar> central_inertia = Matrix3<Scalar>::Zero();  ///< about the centre of mass
-  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();     ///< m·com
-  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();          ///< about the frame's origin
+  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();     ///< m·com, about the frame's origin or what set_about names
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();          ///< about the same point
   bool present = false;  ///< false: the frame carries nothing, and nothing is computed for it
 
   void add(const Body<Scalar>& body)
@@ -93,10 +93,21 @@ struct FrameMass {
       detail::add_point<Scalar>(mass * (body.mass / total), apart, central_inertia);
       mass = total;
     }
-    for (int i = 0; i < 3; ++i) { first_moment(i) = mass * com(i); }
-    inertia = central_inertia;
-    detail::add_point(mass, com, inertia);
     present = true;
+    set_about(Vector3<Scalar>::Zero());
+  }
+
+  /// Moments about another point of the frame, if it carries anything.
+  void set_about(const Vector3<Scalar>& point)
+  {
+    if (!present) { return; }
+    Vector3<Scalar> centre;
+    for (int i = 0; i < 3; ++i) {
+      centre(i) = com(i) - point(i);
+      first_moment(i) = mass * centre(i);
+    }
+    inertia = central_inertia;
+    detail::add_point(mass, centre, inertia);
   }
 };
 

@@ -164,7 +164,7 @@ private:
         if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); } }
         if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); } }
         SpatialInertia<Scalar> A;
-        place_bodies<S::pattern.offset, scene.velocity>(tree_->frame_mass(node.frame + k), f.R, f.r, f.omega, A, carried.f);
+        place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, f.r, f.omega, A, carried.f);
         carried.I.set(A);
         add(carried.f, carried.I.template times<true, true>(linear(carried.a), angular(carried.a)));
       }

@@ -262,7 +262,7 @@ public:
   {
     Workspace& ws = workspace();
     if constexpr (Workspace::update == Update::square_root) {
-      for (const FreeAxis& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
+      for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
     }
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {

@@ -9,7 +9,7 @@
 // with v = 0 in the limb's rows from the start, v = N_b S in the base's own, n times what is left of S (SharedAxis) in those
 // of other limbs. With Q [N E  v  z] = [N₁  z₁] and G the columns of (E b; rate) = G e for N₁ (b; rate) = e,
 //
-//     (E b; rate) = G (z₁ − Gᵀ (h; Sᵀh)),   V̇ = E b + S·rate,   q̈ = S_kᵀ (V̇ − bias − y),   C = S_kᵀ (E b + S·rate) of G
+//     (E b; rate) = G (z₁ − Gᵀ (h; Sᵀh)),   V̇ = E b + S·rate,   q̈ = W (V̇ − bias − y),   C = W (E b + S·rate) of G
 //
 // and E b and the rate reach the limb apart from each other, as from a joint. Nothing passes on to what it hangs on.
 #pragma once
@@ -32,7 +32,7 @@ namespace iim::detail {
 
 /// S of a free frame: the column of the joint `child` that hangs on it, and v of the frame's own rows. Before the inward loop.
 template <class Workspace>
-void set_free_axis(const FreeAxis& axis, Workspace& ws)
+void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& ws)
 {
   using std::abs;
   using Scalar = typename Workspace::Scalar;
@@ -153,14 +153,13 @@ template <class Scalar>
 }
 
 template <Scene scene, class S, class Workspace>
-void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
+void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
   static_assert(S::n_i == 6 && S::n_frames == 1 && rotor_count<S>() == 0 && spring_count<S>() == 0,
                 "a free subsystem is one frame with nothing within");
   RootInertia<Scalar>& inertia = ws.root(node.frame);
   const FrameState<Scalar>& f = ws.frame(node.frame);
-  const Eigen::Matrix<Scalar, 6, 6>& S_k = state.S_k[0];
   const auto& G = inertia.row;
   const bool keeps_v = inertia.keeps_v;
   std::array<RootRow<Scalar>, 6> N_1;
@@ -174,7 +173,7 @@ void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis
   Vector6<Scalar> h = f.h;
   for (int d = 0; d < 6; ++d) {
     const Scalar& load = ws.load()(node.v + d);
-    for (int i = 0; i < 6; ++i) { h(i) -= S_k(i, d) * load; }
+    for (int i = 0; i < 6; ++i) { h(i) -= state.W(d, i) * load; }
   }
   Scalar along(0);
   if (keeps_v) {
@@ -188,8 +187,8 @@ void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis
 #pragma GCC unroll 8
   for (std::size_t k = 0; k < 6; ++k) { e(static_cast<int>(k)) += N_1[k](rhs); }
   inertia.rate = dot_of_six(G[free_rate], e);
-  // V̇ per e, and in the axes of q̈: C; the same of N₁: T
-  std::array<RootRow<Scalar>, 6> whole, C, T, S_rows;
+  // V̇ per e, and q̈: C
+  std::array<RootRow<Scalar>, 6> whole, C;
   Vector6<Scalar> a;
 #pragma GCC unroll 8
   for (int i = 0; i < 6; ++i) {
@@ -201,23 +200,20 @@ void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis
       whole[at] += G[free_rate] * inertia.S(i);
       a(i) += inertia.S(i) * inertia.rate;
     }
-#pragma GCC unroll 8
-    for (int d = 0; d < 6; ++d) { S_rows[at](d) = S_k(i, d); }
-    S_rows[at](6) = S_rows[at](7) = Scalar(0);
   }
   if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { a(i) -= f.bias(i); } }
   if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { a(i) -= f.bias(i); } }
 #pragma GCC unroll 8
   for (int d = 0; d < 6; ++d) {
-    const std::size_t first = d < 3 ? 0 : 3, at = static_cast<std::size_t>(d);
-    const int i = d < 3 ? 0 : 3;
-    C[at] = whole[first] * S_k(i, d);
-    C[at] += whole[first + 1] * S_k(i + 1, d);
-    C[at] += whole[first + 2] * S_k(i + 2, d);
-    T[at] = S_rows[0] * N_1[at](0);
+    const auto at = static_cast<std::size_t>(d);
+    C[at] = whole[5] * state.W(d, 5);
+    Scalar rate = state.W(d, 5) * a(5);
 #pragma GCC unroll 8
-    for (std::size_t j = 1; j < 6; ++j) { T[at] += S_rows[j] * N_1[at](static_cast<int>(j)); }
-    state.psi(d) = -(S_k(i, d) * a(i) + S_k(i + 1, d) * a(i + 1) + S_k(i + 2, d) * a(i + 2));
+    for (int i = 4; i >= (d < 3 ? 0 : 3); --i) {
+      C[at] += whole[static_cast<std::size_t>(i)] * state.W(d, i);
+      rate += state.W(d, i) * a(i);
+    }
+    state.psi(d) = -rate;
   }
   std::array<RootRow<Scalar>, 6> C_columns;
 #pragma GCC unroll 8
@@ -228,9 +224,6 @@ void free_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis
     column(6) = column(7) = Scalar(0);
   }
   products(C_columns, C_columns, state.MbarR_inv);
-  products(T, T, state.MbarR);
-  products(N_1, T, state.U);
-  state.W = S_k.transpose();
 }
 
 }  // namespace iim::detail

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
+#include <iim/carried.hpp>
+#include <iim/free_inward.hpp>
 #include <iim/internal_inertia.hpp>
 #include <iim/inward_root.hpp>
 #include <iim/kinematics.hpp>
@@ -18,47 +20,6 @@
 #include <cstddef>
 
 namespace iim::detail {
-
-/// A, h and size of the bodies on a frame, in its axes (ParallelAxes::of).
-template <bool velocity, class Scalar>
-[[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
-{
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  f.size = {zero, zero};
-  f.placed = true;
-  if (axes) [[unlikely]] {
-    Matrix3<Scalar> R = f.R;
-    Vector3<Scalar> r = f.r, omega = f.omega;
-    turn_triples(*axes, false, R.data(), 3);
-    turn_triples(*axes, false, r.data(), 1);
-    turn_triples(*axes, false, omega.data(), 1);
-    place_bodies<true, velocity>(body, R, r, omega, f.A, f.h);
-  } else if (f.offset) {
-    place_bodies<true, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
-  } else {
-    place_bodies<false, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
-  }
-}
-
-/// Matrix form: before anything else comes to the frame. Not in the outward loop: there 33 numbers would wait in memory for
-/// the way back, and the steps inward wait for one another, which leaves the processor time for it (pass of a chain of 30 with
-/// lanes 8 % less).
-template <bool velocity, class Workspace>
-[[gnu::always_inline]] inline void place_frame(Index f, Workspace& ws)
-{
-  if (!ws.frame(f).placed) { place<velocity>(ws.tree().frame_mass(f), ws.axes().of(f), ws.frame(f)); }
-}
-
-/// Bias wrench of what a frame carries: h + A bias.
-template <Scene scene, class S>
-[[gnu::always_inline]] inline TriplePair<typename S::Scalar> bias_wrench(const FrameState<typename S::Scalar>& f)
-{
-  using Scalar = typename S::Scalar;
-  TriplePair<Scalar> p(f.h.data());
-  if constexpr (has_bias<scene, S>(0)) { p += f.A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
-  if constexpr (has_bias<scene, S>(3)) { p += f.A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
-  return p;
-}
 
 /// Matrix form: the bodies that a subsystem has on its inlet.
 template <Scene scene, class S, class Workspace>
@@ -186,12 +147,6 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
   state.psi = product(state.MbarR_inv, hq);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
-  if constexpr (is_free<S>()) {
-    for (int d = 0; d < n_i; ++d) {
-      for (int j = 0; j < 6; ++j) { state.W(d, j) = state.S_k[0](j, d); }
-    }
-    return;  // nothing passes on: A' = 0, p' = 0
-  }
   Columns W;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
@@ -242,7 +197,18 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
   add_inlet_bodies<scene>(node, state, ws, A, hg);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
-  FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  const Index receiver = ws.receiver(node.index);
+  if constexpr (turns_about_axis<S>()) {
+    if (receiver != node.inlet) [[unlikely]] {
+      SpatialInertia<Scalar> A_body;
+      const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+      TriplePair<Scalar> h_body(zero, zero);
+      A_body.set_zero();
+      add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
+      set_axis<scene, S>(s, state, spun, hq(0), ws.load()(node.v), A_body, h_body, *ws.free_axis(node.inlet));
+    }
+  }
+  FrameState<Scalar>& inlet = ws.frame(receiver);
   hand_on<scene>(A, hg, state.c, state.r, inlet);
   for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
   if (losing) [[unlikely]] { pass_loss(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
@@ -288,16 +254,29 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     }
   } else {
     for (int k = 0; k < S::n_frames; ++k) { place_frame<scene.velocity>(node.frame + k, ws); }
-    if (node.inlet >= 0) { place_frame<scene.velocity>(node.inlet, ws); }
+    const Index receiver = ws.receiver(node.index);
+    if (node.inlet >= 0) {
+      place_frame<scene.velocity>(node.inlet, ws);
+      if (receiver != node.inlet) [[unlikely]] { clear(ws.frame(receiver)); }
+    }
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
-    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, StepData(state), ws); }
+    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, receiver, StepData(state), ws); }
     if constexpr (S::n_i == 0) {
       rigid_inward<scene>(node, state, ws);
+    } else if constexpr (is_free<S>()) {
+      free_matrix_inward<scene>(node, state, ws, diagnosis);
     } else {
       matrix_inward<scene>(node, s, state, ws, diagnosis);
     }
-    if (turned) [[unlikely]] { step.leave(node.frame, node.inlet, StepData(state), ws); }
+    if (turned) [[unlikely]] {
+      step.leave(node.frame, node.inlet, receiver, StepData(state), ws);
+      if (receiver != node.inlet) {
+        FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.inlet);
+        step.turn_to_inlet(axis.S.data(), 2);
+        step.turn_to_inlet(axis.held.data(), 2);
+      }
+    }
   }
 }
 

@@ -170,7 +170,19 @@ struct KinematicStep {
       moved = s.motion(state.R, q_i, qd_i, frames);
     }
     if (!moved) { diagnosis.fail(Status::invalid_state, node.index); }
-    if constexpr (is_free<S>()) { add(state.r, times(state.R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2)))); }
+    if constexpr (is_free<S>()) {
+      add(state.r, times(state.R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2))));
+      for (int i = 0; i < 3; ++i) { state.r(i) -= ws.frame(node.frame).r(i); }
+      const auto& S_0 = state.S_k[0];
+#pragma GCC unroll 8
+      for (int d = 0; d < 3; ++d) {
+#pragma GCC unroll 8
+        for (int i = 0; i < 3; ++i) {  // S⁻¹
+          state.W(d, i) = state.W(d + 3, i + 3) = S_0(i, d);
+          state.W(d, i + 3) = S_0(i, d + 3);
+        }
+      }
+    }
     if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
 
     if constexpr (scene.velocity) {

@@ -108,6 +108,7 @@ public:
         }
       }
     });
+    join_free(tree);
     keep_large();
   }
 
@@ -166,6 +167,21 @@ private:
       axes.data()[k] = Scalar(k % 4 == 0 ? 1 : 0) + V.data()[k] + V_squared.data()[k] * (Scalar(1) / (Scalar(1) + a(m)));
     }
     return axes;
+  }
+
+  /// A free frame joins the largest group on it.
+  template <class Tree>
+  [[gnu::cold]] void join_free(const Tree& tree)
+  {
+    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
+    tree.outward([&]<class N, class S>(const N& node, const S&) {
+      if constexpr (is_free<S>()) {
+        for (Index i = node.index + 1; i < node.subtree_end; i = tree.node(i).subtree_end) {
+          const Index other = group_[at(tree.node(i).frame)], own = group_[at(node.frame)];
+          if (other >= 0 && (own < 0 || groups_[at(own)].joints < groups_[at(other)].joints)) { group_[at(node.frame)] = other; }
+        }
+      }
+    });
   }
 
   [[gnu::cold]] void keep_large()

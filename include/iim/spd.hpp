@@ -1,4 +1,4 @@
-// Small symmetric positive definite matrices: the inverse of M̄_R (17), and whether it exists.
+// Small symmetric positive definite matrices: a root of their inverse, as of M̄_R (17), and whether it exists.
 #pragma once
 
 #include <iim/scalar.hpp>
@@ -10,57 +10,68 @@
 
 namespace iim::detail {
 
-/// Inverts D (n × n, lower triangle read) as D⁻¹ = C Cᵀ with C upper triangular.
+/// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).
 ///
 /// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). M⁻¹ is wrong by up to
 /// 40 ε · scale / pivot (loaded arms in float; 160 once in a thousand states), so that a pivot below 192 ε of it counts as
-/// zero. Returns whether all pivots are positive; if not, C and D_inv are not to be used.
+/// zero. Returns whether all pivots are positive; if not, C is not to be used.
+template <class Scalar, int n>
+[[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
+                                                   const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
+{
+  using std::sqrt;
+  const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
+  // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
+  // too as in L Lᵀ (2 % of the biped's pass).
+  bool positive = true;
+  Eigen::Matrix<Scalar, n, n> left = D;
+  // What is left of an error E, [−l 1] E [−l 1]ᵀ: small pivots make the roundings of later ones larger. (Of 2000 free bases
+  // without mass, each with a limb, 39 had a pivot of roundings that passed for one.)
+  Eigen::Matrix<Scalar, n, 1> rounding = scale;
+#pragma GCC unroll 8
+  for (int i = 0; i < n; ++i) {
+#pragma GCC unroll 8
+    for (int j = 0; j < n; ++j) { C(j, i) = Scalar(i == j ? 1 : 0); }
+  }
+#pragma GCC unroll 8
+  for (int j = 0; j < n; ++j) {
+    const Scalar pivot = left(j, j), inverse = Scalar(1) / pivot;
+    positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * rounding(j));
+#pragma GCC unroll 8
+    for (int i = j + 1; i < n; ++i) {
+      const Scalar l = left(i, j) * inverse;
+      rounding(i) += l * l * rounding(j);
+#pragma GCC unroll 8
+      for (int k = j + 1; k <= i; ++k) { left(i, k) -= l * left(k, j); }
+#pragma GCC unroll 8
+      for (int k = 0; k < j; ++k) { C(k, i) -= l * C(k, j); }
+      C(j, i) = -l;
+    }
+    left(j, j) = sqrt(inverse);
+  }
+#pragma GCC unroll 8
+  for (int j = 0; j < n; ++j) {
+#pragma GCC unroll 8
+    for (int i = 0; i < j; ++i) { C(i, j) *= left(j, j); }
+    C(j, j) = left(j, j);
+  }
+  return positive;
+}
+
+/// Inverts D as D⁻¹ = C Cᵀ; otherwise as root_of_inverse.
 template <class Scalar, int n>
 bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale,
                 Eigen::Matrix<Scalar, n, n>& C, Eigen::Matrix<Scalar, n, n>& D_inv)
 {
   using std::sqrt;
-  const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
   if constexpr (n == 1) {
+    const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
     const bool positive = ScalarTraits<Scalar>::is_positive(D(0, 0) - tolerance * scale(0));
     D_inv(0, 0) = Scalar(1) / D(0, 0);
     C(0, 0) = sqrt(D_inv(0, 0));
     return positive;
   } else {
-    // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
-    // too as in L Lᵀ (2 % of the biped's pass).
-    bool positive = true;
-    Eigen::Matrix<Scalar, n, n> left = D;
-    // What is left of an error E, [−l 1] E [−l 1]ᵀ: small pivots make the roundings of later ones larger. (Of 2000 free bases
-    // without mass, each with a limb, 39 had a pivot of roundings that passed for one.)
-    Eigen::Matrix<Scalar, n, 1> rounding = scale;
-#pragma GCC unroll 8
-    for (int i = 0; i < n; ++i) {
-#pragma GCC unroll 8
-      for (int j = 0; j < n; ++j) { C(j, i) = Scalar(i == j ? 1 : 0); }
-    }
-#pragma GCC unroll 8
-    for (int j = 0; j < n; ++j) {
-      const Scalar pivot = left(j, j), inverse = Scalar(1) / pivot;
-      positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * rounding(j));
-#pragma GCC unroll 8
-      for (int i = j + 1; i < n; ++i) {
-        const Scalar l = left(i, j) * inverse;
-        rounding(i) += l * l * rounding(j);
-#pragma GCC unroll 8
-        for (int k = j + 1; k <= i; ++k) { left(i, k) -= l * left(k, j); }
-#pragma GCC unroll 8
-        for (int k = 0; k < j; ++k) { C(k, i) -= l * C(k, j); }
-        C(j, i) = -l;
-      }
-      left(j, j) = sqrt(inverse);
-    }
-#pragma GCC unroll 8
-    for (int j = 0; j < n; ++j) {
-#pragma GCC unroll 8
-      for (int i = 0; i < j; ++i) { C(i, j) *= left(j, j); }
-      C(j, j) = left(j, j);
-    }
+    const bool positive = root_of_inverse(D, scale, C);
 #pragma GCC unroll 8
     for (int j = 0; j < n; ++j) {
 #pragma GCC unroll 8

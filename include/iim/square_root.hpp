@@ -93,10 +93,17 @@ constexpr bool has_within()
   return rotor_count<S>() + spring_count<S>() > 0;
 }
 
-/// A free frame moves by six columns; S is that of the joint `child` which carries most of what hangs on it (free_root.hpp).
+/// Of a free frame, which moves by six columns: the joint `child` that carries most of what hangs on it, and its column S
+/// (free_root.hpp, free_inward.hpp).
+template <class Scalar>
 struct FreeAxis {
   Eigen::Index frame;
   Eigen::Index child;
+  // Matrix form.
+  Eigen::Index receiver = -1;  ///< FrameState that takes what the child hands on
+  Vector6<Scalar> S = Vector6<Scalar>::Unit(5);  ///< about the free frame's point, in the axes of its A
+  Vector6<Scalar> held = Vector6<Scalar>::Zero();  ///< A' S of what the child hands on
+  Scalar force = Scalar(0);                        ///< Sᵀ p' of the same
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in G, which a free frame keeps in its first seven rows
 

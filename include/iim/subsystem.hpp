@@ -99,13 +99,22 @@ using Coordinates = Eigen::Matrix<typename S::Scalar, S::n_q, 1>;
 template <class S>
 using Velocities = Eigen::Matrix<typename S::Scalar, S::n_i, 1>;
 
-/// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to
-/// the parent and W = S⁻¹ = Sᵀ; S must be orthogonal, and the reference point is the frame's origin.
+/// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to the parent.
+/// One frame with one body; its coupling point moves with it and is the body's centre of mass, and q̇_i is the velocity of the
+/// frame's origin and its angular velocity, in orthogonal axes e_d: with r the origin from the centre, S = [e r×e; 0 e] and
+/// W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ].
 template <class S>
 constexpr bool is_free()
 {
   if constexpr (requires { S::is_free; }) { return S::is_free; }
   return false;
+}
+
+/// Whether FrameMass is about another point than the coupling point.
+template <class S>
+constexpr bool is_placed_off()
+{
+  return S::pattern.offset && !is_free<S>();
 }
 
 /// `rotors()`: std::array of Rotor.

@@ -13,7 +13,7 @@ namespace iim {
 
 /// One subsystem i in the paper's terms, V_i = (v_o; ω_o; q̇_i) (6): velocity of the inlet's point that is at i's
 /// coupling point, angular velocity of the inlet, internal velocities. All axes are parallel to the world's. A free
-/// base's coupling point is its own origin.
+/// base's coupling point is its centre of mass.
 template <class Scalar>
 struct SubsystemMatrices {
   MatrixX<Scalar> T_ip;                ///< (6 + n_i) × (6 + n_p), V_i = T_ip V_p + F_i q̇_i (8); no columns for a root
@@ -85,7 +85,8 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
   const Vector3<Scalar> zero = Vector3<Scalar>::Zero();
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    add_bodies<velocity>(ws.tree().frame_mass(node.frame + k), f.R, f.r, f.omega, f.bias, m.frame[static_cast<std::size_t>(k)], m);
+    add_bodies<velocity>(ws.tree().frame_mass(node.frame + k), f.R, f.offset ? f.r : zero, f.omega, f.bias,
+                         m.frame[static_cast<std::size_t>(k)], m);
   }
   const MatrixX<Scalar> inlet = MatrixX<Scalar>::Identity(6, 6 + n_i);
   add_bodies<velocity>(ws.tree().inlet_mass(node.index), state.R, zero, node.inlet < 0 ? zero : ws.frame(node.inlet).omega,

@@ -197,8 +197,8 @@ protected:
     for (int d = 0; d < S::n_i; ++d) {  // forces of inputs on the velocities themselves
       const Lane& tau = rows_[at(node.v + d)];
       for (int c = 0; c < 6; ++c) {
-        p[at(c)] += tau * state.S_k[0](c, d);
-        if (inertia.keeps_v) { along += tau * (inertia.S(c) * state.S_k[0](c, d)); }
+        p[at(c)] += tau * state.W(d, c);
+        if (inertia.keeps_v) { along += tau * (inertia.S(c) * state.W(d, c)); }
       }
     }
     Six motion;
@@ -219,8 +219,8 @@ protected:
     }
     for (int d = 0; d < S::n_i; ++d) {
       Lane& row = rows_[at(node.v + d)];
-      row = motion[0] * state.S_k[0](0, d);
-      for (int c = 1; c < 6; ++c) { row += motion[at(c)] * state.S_k[0](c, d); }
+      row = motion[0] * state.W(d, 0);
+      for (int c = 1; c < 6; ++c) { row += motion[at(c)] * state.W(d, c); }
     }
   }
 };

@@ -102,6 +102,7 @@ protected:
           [&]<class S>(const S& s) {
             append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
             for (const CarriedBody<Scalar>& carried : s.bodies()) { carry(carried); }
+            if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
           },
           part.part);
     }

@@ -10,7 +10,7 @@
 
 namespace iim::detail {
 
-/// What a subsystem with one frame and at most one velocity reads and writes in its step, whatever its type.
+/// What a subsystem with one frame reads and writes in its step, whatever its type: one with at most one velocity, or a free one.
 template <class Scalar>
 struct StepData {
   Matrix3<Scalar>& R;
@@ -20,10 +20,12 @@ struct StepData {
   Scalar* U;
   Scalar* W;
   int n_i;
+  int n_results;  ///< columns of U and rows of W that the step writes
 
   template <class Type>
   explicit StepData(NodeMemory<Type>& state)
-      : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()), n_i(Type::n_i)
+      : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()), n_i(Type::n_i),
+        n_results(Type::is_free ? 0 : n_i)
   {
   }
 };
@@ -38,7 +40,8 @@ class TurnedStep {
   using Data = StepData<Scalar>;
 
 public:
-  [[gnu::noinline]] void enter(Index f, Index inlet, const Data& data, Workspace& ws)
+  /// receiver: the frame that takes what the step hands on, the inlet or FreeAxis::receiver.
+  [[gnu::noinline]] void enter(Index f, Index inlet, Index receiver, const Data& data, Workspace& ws)
   {
     own_ = ws.axes().of(f);
     there_ = ws.axes().of(inlet);
@@ -49,6 +52,7 @@ public:
       r_ = data.r;
       c_ = data.c;
       R_ = frame.R;
+      r_frame_ = frame.r;
       omega_ = frame.omega;
       bias_ = frame.bias;
       turn(data.S, 2 * data.n_i);
@@ -56,6 +60,7 @@ public:
       turn(data.r.data(), 1);
       turn(data.c.data(), 1);
       turn(frame.R.data(), 3);
+      turn(frame.r.data(), 1);
       turn(frame.omega.data(), 1);
       turn(frame.bias.data(), 2);
       if (inlet >= 0) {
@@ -64,7 +69,7 @@ public:
       }
     }
     if (inlet >= 0 && own_ != there_) {
-      FrameState<Scalar>& to = ws.frame(inlet);
+      FrameState<Scalar>& to = ws.frame(receiver);
       A_ = to.A;
       h_ = to.h;
       size_ = to.size;
@@ -78,7 +83,7 @@ public:
     }
   }
 
-  [[gnu::noinline]] void leave(Index f, Index inlet, const Data& data, Workspace& ws) const
+  [[gnu::noinline]] void leave(Index f, Index inlet, Index receiver, const Data& data, Workspace& ws) const
   {
     if (own_) {
       FrameState<Scalar>& frame = ws.frame(f);
@@ -87,13 +92,22 @@ public:
       data.r = r_;
       data.c = c_;
       frame.R = R_;
+      frame.r = r_frame_;
       frame.omega = omega_;
       frame.bias = bias_;
-      turn_triples(*own_, true, data.U, 2 * data.n_i);
-      turn_triples(*own_, true, data.W, 2 * data.n_i);
+      turn_triples(*own_, true, data.U, 2 * data.n_results);
+      turn_triples(*own_, true, data.W, 2 * data.n_results);
       if (inlet >= 0) { ws.frame(inlet).omega = omega_inlet_; }
     }
-    if (inlet >= 0 && own_ != there_) { hand_over(ws.frame(inlet)); }
+    if (inlet >= 0 && own_ != there_) { hand_over(ws.frame(receiver)); }
+  }
+
+  /// What has been handed on beside A and h: from the step's axes to the inlet's.
+  void turn_to_inlet(Scalar* triples, int count) const
+  {
+    if (own_ == there_) { return; }
+    if (own_) { turn_triples(*own_, true, triples, count); }
+    if (there_) { turn_triples(*there_, false, triples, count); }
   }
 
 private:
@@ -129,9 +143,10 @@ private:
   const Matrix3<Scalar>* there_;  // of the inlet
 
   // In the world's axes, while the step is taken.
-  Vector6<Scalar> S_, bias_;
+  Matrix6<Scalar> S_;
+  Vector6<Scalar> bias_;
   Matrix3<Scalar> R_inlet_, R_;
-  Vector3<Scalar> r_, c_, omega_, omega_inlet_;
+  Vector3<Scalar> r_, c_, r_frame_, omega_, omega_inlet_;
 
   // What the inlet had.
   SpatialInertia<Scalar> A_;

@@ -32,7 +32,7 @@ struct FrameState {
   Vector3<Scalar> r;            ///< frame origin from the coupling point [m]
   Vector3<Scalar> omega;        ///< angular velocity [rad/s]
   Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
-  bool offset = false;          ///< whether r is other than zero in some state
+  bool offset = false;          ///< whether the frame's bodies are about another point than the coupling point
   bool placed = false;          ///< whether A, h and size are of this state
   bool loses = false;           ///< whether loss is, and large against A
   SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
@@ -74,7 +74,8 @@ inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, kee
 template <class S, class Workspace>
 inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
 
-/// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D.
+/// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D. Of a free one, where D is all of
+/// M̄*, Sᵀ A S, nothing needs U and D: they stay as they are.
 template <class Shape>
 struct NodeMemory {
   using Scalar = typename Shape::Scalar;
@@ -88,7 +89,7 @@ struct NodeMemory {
   Eigen::Matrix<Scalar, n_i, n_i> MbarR;             ///< D = M̄_R (17)
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;    ///< C with M̄_R⁻¹ = C Cᵀ
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;         ///< M̄_R⁻¹
-  Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0)
+  Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0); of a free one S⁻¹
   Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
   Eigen::Matrix<Scalar, n_i, 1> psi;                 ///< M̄_R⁻¹ (F_iᵀ h̄*)
 };
@@ -149,7 +150,17 @@ public:
   const detail::ParallelAxes<Scalar>& axes() const { return axes_; }
 
   /// Free frames that move apart along a child's axis.
-  const std::vector<detail::FreeAxis>& free_axes() const { return free_axes_; }
+  const std::vector<detail::FreeAxis<Scalar>>& free_axes() const { return free_axes_; }
+  /// That of a free frame; nullptr if it has none.
+  detail::FreeAxis<Scalar>* free_axis(Index frame)
+  {
+    for (detail::FreeAxis<Scalar>& axis : free_axes_) {
+      if (axis.frame == frame) { return &axis; }
+    }
+    return nullptr;
+  }
+  /// FrameState that takes what subsystem i hands on, in matrix form: of its inlet, or FreeAxis::receiver.
+  Index receiver(Index i) const { return receiver_[static_cast<std::size_t>(i)]; }
 
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
@@ -205,6 +216,18 @@ protected:
     for (int k = 0; k < n_frames; ++k) { frame_tapes_[at(node.frame + k)].add_room(0, 0, 1); }
   }
 
+  /// One more frame for each limb on a free frame that hands on apart from others.
+  [[gnu::cold]] void add_receivers()
+  {
+    for (const Node& node : tree_->nodes()) { receiver_.push_back(node.inlet); }
+    for (FreeAxis<Scalar>& axis : free_axes_) {
+      if (axis.child < 0) { continue; }
+      axis.receiver = static_cast<Index>(frames_.size());
+      frames_.push_back(frames_.front());
+      receiver_[static_cast<std::size_t>(axis.child)] = axis.receiver;
+    }
+  }
+
   static bool is_on(const std::vector<RowTape<Scalar>>& tapes, Index k)
   {
     return !tapes.empty() && tapes[static_cast<std::size_t>(k)].is_on();
@@ -221,7 +244,8 @@ protected:
   std::vector<RowTape<Scalar>> frame_tapes_;  // of a frame
   Turns<Scalar> turns_;
   ParallelAxes<Scalar> axes_;
-  std::vector<FreeAxis> free_axes_;
+  std::vector<FreeAxis<Scalar>> free_axes_;
+  std::vector<Index> receiver_;
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
@@ -246,7 +270,7 @@ public:
       NodeState<S>& state = this->node<S>(node);
       for (int k = 0; k < S::n_frames; ++k) {
         state.S_k[static_cast<std::size_t>(k)].setZero();
-        this->frame(node.frame + k).offset = S::pattern.offset;
+        this->frame(node.frame + k).offset = detail::is_placed_off<S>();
       }
       if constexpr (detail::one_column<S, Data>) {
         this->root(node.frame).keeps_v = true;
@@ -263,10 +287,10 @@ public:
       if constexpr (detail::takes_turn<S>()) { this->turns_.add(node.q); }
     });
     this->turns_.allocate();
-    if constexpr (update == Update::square_root) {
-      choose_free_axes();
-    } else {
+    choose_free_axes();
+    if constexpr (update != Update::square_root) {
       this->axes_ = detail::ParallelAxes<Scalar>(tree);
+      this->add_receivers();
     }
   }
 
@@ -284,8 +308,8 @@ public:
   }
 
 private:
-  /// Of each free frame the child with one column that carries most.
-  void choose_free_axes()
+  /// Of each free frame the child with one column that carries most; in matrix form, one that turns about an axis.
+  [[gnu::cold]] void choose_free_axes()
   {
     std::vector<Scalar> mass(static_cast<std::size_t>(this->tree().size()), Scalar(0));
     std::vector<Index> child(this->frames_.size(), -1);
@@ -296,15 +320,18 @@ private:
         if (body.present) { carried(node.index) += body.mass; }
       }
       if constexpr (detail::is_free<S>()) {
-        if (const Index heaviest = child[static_cast<std::size_t>(node.frame)]; heaviest >= 0) {
-          this->free_axes_.push_back({node.frame, heaviest});
-          this->root(node.frame).keeps_v = true;
-          this->root(node.frame).apart_along = heaviest;
+        const Index heaviest = child[static_cast<std::size_t>(node.frame)];
+        if (heaviest >= 0 || Data::update != Update::square_root) {
+          this->free_axes_.push_back({.frame = node.frame, .child = heaviest});
+          if constexpr (Data::update == Update::square_root) {
+            this->root(node.frame).keeps_v = true;
+            this->root(node.frame).apart_along = heaviest;
+          }
         }
       } else if (node.inlet >= 0) {
         carried(node.parent) += carried(node.index);
         Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
-        if constexpr (detail::one_column<S, Data>) {
+        if constexpr (Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>()) {
           if (heaviest < 0 || carried(heaviest) < carried(node.index)) { heaviest = node.index; }
         }
       }

@@ -22,8 +22,8 @@ struct FloatingBase {
   static constexpr int n_i = 6;
   static constexpr int n_u = 0;
   static constexpr int n_frames = 1;
-  static constexpr MotionPattern pattern{.offset = false};
-  static constexpr bool is_free = true;
+  static constexpr MotionPattern pattern{};
+  static constexpr bool is_free = true;  ///< coupling point: the centre of mass
 
   Body<Scalar> body{};
 
@@ -45,15 +45,22 @@ struct FloatingBase {
         s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
         s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
     detail::multiply(R, E, m.R);
+    const Vector3<Scalar>& com = body.com;
+    m.r = detail::times(m.R, com);
+    for (int i = 0; i < 3; ++i) { m.r(i) = -m.r(i); }
     for (int j = 0; j < 3; ++j) {
+      const Vector3<Scalar> e(m.R(0, j), m.R(1, j), m.R(2, j)), moved = detail::cross(m.r, e);
       for (int i = 0; i < 3; ++i) {
-        m.S(i, j) = m.R(i, j);
-        m.S(i + 3, j + 3) = m.R(i, j);
+        m.S(i, j) = e(i);
+        m.S(i, j + 3) = moved(i);
+        m.S(i + 3, j + 3) = e(i);
       }
     }
-    // d(R v)/dt = R v̇ + R (ω × v)
-    const Vector3<Scalar> turning = detail::cross(Vector3<Scalar>(qd(3), qd(4), qd(5)), Vector3<Scalar>(qd(0), qd(1), qd(2)));
-    detail::set(m.bias, detail::times(m.R, turning), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
+    // d(R (v + ω × com))/dt for v̇ = ω̇ = 0
+    const Vector3<Scalar> omega(qd(3), qd(4), qd(5));
+    Vector3<Scalar> v = detail::cross(omega, com);
+    detail::add(v, Vector3<Scalar>(qd(0), qd(1), qd(2)));
+    detail::set(m.bias, detail::times(m.R, detail::cross(omega, v)), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
     return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
            ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
   }
