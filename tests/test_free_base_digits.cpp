@@ -128,6 +128,23 @@ Parts<double> light_base(First first, test::Random& random)
   return assembly;
 }
 
+/// A free bar with a limb in a plane of its own at each end, one of them heavier. `heavy`: the first or the second.
+Parts<double> two_planes(int heavy, test::Random& random)
+{
+  Parts<double> assembly;
+  assembly.add("base", {}, FloatingBase<double>{random.body()});
+  for (int limb = 0; limb < 2; ++limb) {
+    const test::Vec3 axis = random.unit();
+    for (int k = 0; k < 8; ++k) {
+      const auto name = [&](int i) { return "limb" + std::to_string(limb) + "_" + std::to_string(i); };
+      Body<double> body = random.body();
+      if (limb == heavy) { body.mass *= 4, body.inertia *= 4; }
+      assembly.add(name(k), {k == 0 ? "base" : name(k - 1), test::Mat3::Identity(), random.vector(0.5)}, RevoluteLink<double>{{axis}, body});
+    }
+  }
+  return assembly;
+}
+
 }  // namespace
 
 TEST_CASE("projected: a free chain keeps its digits whatever the axes", "[free_base]")
@@ -140,6 +157,16 @@ TEST_CASE("projected: a free chain keeps its digits whatever the axes", "[free_b
       CHECK(errors.Bhat < 32);
       CHECK(errors.qdd0 < 32);
     }
+  }
+}
+
+TEST_CASE("projected: limbs in two planes on a free base", "[free_base]")
+{
+  for (const int heavy : {0, 1}) {
+    CAPTURE(heavy);
+    const Errors errors = worst(50, 0, [&](test::Random& random) { return two_planes(heavy, random); });
+    CHECK(errors.Bhat < 32);
+    CHECK(errors.qdd0 < 64);
   }
 }
 

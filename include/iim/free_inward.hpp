@@ -78,11 +78,27 @@ template <Scene scene, class S>
   }
   axis.force += left * state.MbarR_inv(0, 0) * h_q;
   if constexpr (scene.velocity) { axis.force += dot(held.linear, triple(state.c)); }
+  axis.within = dot(own, held);
   held.angular += cross(triple(state.r), held.linear);
   held.put(axis.held.data());
   TriplePair<Scalar> S_free = own;
   S_free.linear = own.linear - cross(own.angular, triple(state.r));
   S_free.put(axis.S.data());
+}
+
+/// To what the child of the axis hands on, all else that the frame f carries.
+template <class Scalar>
+[[gnu::always_inline]] inline void complete_axis(const FrameState<Scalar>& f, FreeAxis<Scalar>& axis)
+{
+  const TriplePair<Scalar> S(axis.S.data());
+  TriplePair<Scalar> a = f.A.of_linear(S.linear);
+  a += f.A.of_angular(S.angular);
+  a += TriplePair<Scalar>(axis.held.data());
+  a.put(axis.held.data());
+  axis.force += dot(S, TriplePair<Scalar>(f.h.data()));
+  axis.size = largest(f);
+  axis.loss = Scalar(0);
+  if (f.loses) [[unlikely]] { axis.loss = dot(S, f.loss); }
 }
 
 /// Two directions across the unit vector a: columns of the reflection that takes it to ∓e₃.
@@ -122,29 +138,28 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   static_assert(S::n_i == 6 && S::n_frames == 1 && rotor_count<S>() == 0 && spring_count<S>() == 0,
                 "a free subsystem is one frame with nothing within");
   FrameState<Scalar>& f = ws.frame(node.frame);
-  const FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
-  const Pair S_1(axis.S.data());
-  const std::array<Triple<Scalar>, 2> b = across(S_1.angular);
-
-  // T = [1 0 0; 0 b S_1]: A_T, and what the roundings of its diagonal are told from.
-  Pair a = f.A.of_linear(S_1.linear), held(axis.held.data());
-  a += f.A.of_angular(S_1.angular);
-  a += held;
-  const Pair size_rest = largest(f);
-  Scalar along = dot(S_1, Pair(f.h.data())) + axis.force;  // S₁ᵀ p
-  if constexpr (has_bias<scene, S>(0)) { along += dot(a.linear, Triple<Scalar>(f.bias.data())); }
-  if constexpr (has_bias<scene, S>(3)) { along += dot(a.angular, Triple<Scalar>(f.bias.data() + 3)); }
-  Matrix6<Scalar> A_T;
-  Vector6<Scalar> scale;
-  scale(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size_rest) + dot(S_1, held);
-  if (f.loses) [[unlikely]] { scale(5) += square(dot(S_1, f.loss)); }
-  if (axis.receiver >= 0) {
+  FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
+  if (axis.child < 0) {
+    axis.held.setZero();
+    axis.force = axis.within = Scalar(0);
+    complete_axis(f, axis);
+  } else if (axis.receiver >= 0) {
+    complete_axis(f, axis);
     const FrameState<Scalar>& limb = ws.frame(axis.receiver);
     f.A += limb.A;
     add(f.h, limb.h);
     f.size = {max(f.size.linear, limb.size.linear), max(f.size.angular, limb.size.angular)};
     if (limb.loses) [[unlikely]] { add_loss(limb.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
   }
+
+  // T = [1 0 0; 0 b S_1]: A_T, and what the roundings of its diagonal are told from.
+  const Pair S_1(axis.S.data()), a(axis.held.data());
+  const std::array<Triple<Scalar>, 2> b = across(S_1.angular);
+  Scalar along = axis.force;  // S₁ᵀ p
+  if constexpr (has_bias<scene, S>(0)) { along += dot(a.linear, Triple<Scalar>(f.bias.data())); }
+  if constexpr (has_bias<scene, S>(3)) { along += dot(a.angular, Triple<Scalar>(f.bias.data() + 3)); }
+  Matrix6<Scalar> A_T;
+  Vector6<Scalar> scale;
   const Pair size = largest(f);
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
@@ -165,8 +180,10 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { A_T(5, i) = a.linear(i); }
   A_T(5, 5) = dot(S_1, a);
+  scale(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), axis.size) + axis.within;
   if (f.loses) [[unlikely]] {
     for (int i = 0; i < 3; ++i) { scale(i) += square(f.loss.linear(i)); }
+    scale(5) += square(axis.loss);
     for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], f.loss.angular)); }
   }
   Matrix6<Scalar> C_T;

@@ -53,9 +53,9 @@ template <Scene scene, class Scalar>
   inlet.A.add_shifted(A, r);
 }
 
-/// Matrix form.
+/// Matrix form. receiver: the frame that takes what is handed on.
 template <Scene scene, class S, class Workspace>
-void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
+void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
@@ -197,15 +197,16 @@ void matrix_inward(const Node& node, const S& s, NodeState<S>& state, Workspace&
   add_inlet_bodies<scene>(node, state, ws, A, hg);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
-  const Index receiver = ws.receiver(node.index);
   if constexpr (turns_about_axis<S>()) {
-    if (receiver != node.inlet) [[unlikely]] {
+    FreeAxis<Scalar>* const axis = ws.axis_of(node.index);
+    if (axis != nullptr) [[unlikely]] {
       SpatialInertia<Scalar> A_body;
       const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
       TriplePair<Scalar> h_body(zero, zero);
       A_body.set_zero();
       add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
-      set_axis<scene, S>(s, state, spun, hq(0), ws.load()(node.v), A_body, h_body, *ws.free_axis(node.inlet));
+      set_axis<scene, S>(s, state, spun, hq(0), ws.load()(node.v), A_body, h_body, *axis);
+      if (axis->receiver < 0) { complete_axis(ws.frame(node.inlet), *axis); }
     }
   }
   FrameState<Scalar>& inlet = ws.frame(receiver);
@@ -254,10 +255,16 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     }
   } else {
     for (int k = 0; k < S::n_frames; ++k) { place_frame<scene.velocity>(node.frame + k, ws); }
-    const Index receiver = ws.receiver(node.index);
+    Index receiver = node.inlet;
     if (node.inlet >= 0) {
       place_frame<scene.velocity>(node.inlet, ws);
-      if (receiver != node.inlet) [[unlikely]] { clear(ws.frame(receiver)); }
+      if constexpr (turns_about_axis<S>()) {
+        const auto* const axis = ws.axis_of(node.index);
+        if (axis != nullptr && axis->receiver >= 0) [[unlikely]] {
+          receiver = axis->receiver;
+          clear(ws.frame(receiver));
+        }
+      }
     }
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
@@ -267,7 +274,7 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     } else if constexpr (is_free<S>()) {
       free_matrix_inward<scene>(node, state, ws, diagnosis);
     } else {
-      matrix_inward<scene>(node, s, state, ws, diagnosis);
+      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis);
     }
     if (turned) [[unlikely]] {
       step.leave(node.frame, node.inlet, receiver, StepData(state), ws);

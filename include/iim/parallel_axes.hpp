@@ -124,6 +124,11 @@ public:
   }
 
   bool empty() const { return groups_.empty(); }
+  /// Whether A of both frames is in the same axes at any state.
+  bool share(Index frame, Index other) const
+  {
+    return group_[static_cast<std::size_t>(frame)] == group_[static_cast<std::size_t>(other)];
+  }
 
   /// Chooses the axes at a state. orientation(frame): R.
   template <class Orientation>

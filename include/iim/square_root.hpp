@@ -99,11 +99,14 @@ template <class Scalar>
 struct FreeAxis {
   Eigen::Index frame;
   Eigen::Index child;
-  // Matrix form.
-  Eigen::Index receiver = -1;  ///< FrameState that takes what the child hands on
-  Vector6<Scalar> S = Vector6<Scalar>::Unit(5);  ///< about the free frame's point, in the axes of its A
-  Vector6<Scalar> held = Vector6<Scalar>::Zero();  ///< A' S of what the child hands on
-  Scalar force = Scalar(0);                        ///< Sᵀ p' of the same
+  // Matrix form: about the frame's point, in the axes of its A.
+  Eigen::Index receiver = -1;  ///< FrameState that takes what the child hands on; −1: the frame's own, where nothing comes later
+  Vector6<Scalar> S = Vector6<Scalar>::Unit(5);
+  Vector6<Scalar> held = Vector6<Scalar>::Zero();  ///< of what the child hands on, A' S; then A S of all
+  Scalar force = Scalar(0);                        ///< of what the child hands on, Sᵀ p'; then Sᵀ p of all but bias accelerations
+  Scalar within = Scalar(0);                       ///< Sᵀ A' S of what the child hands on
+  TriplePair<Scalar> size;                         ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
+  Scalar loss = Scalar(0);
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in G, which a free frame keeps in its first seven rows
 

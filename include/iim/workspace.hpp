@@ -10,6 +10,7 @@
 #include <iim/tree.hpp>
 #include <iim/turns.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <limits>
@@ -159,8 +160,12 @@ public:
     }
     return nullptr;
   }
-  /// FrameState that takes what subsystem i hands on, in matrix form: of its inlet, or FreeAxis::receiver.
-  Index receiver(Index i) const { return receiver_[static_cast<std::size_t>(i)]; }
+  /// That of which subsystem i is the child, in matrix form; nullptr if there is none.
+  [[gnu::always_inline]] detail::FreeAxis<Scalar>* axis_of(Index i)
+  {
+    const Index axis = axis_of_[static_cast<std::size_t>(i)];
+    return axis < 0 ? nullptr : &free_axes_[static_cast<std::size_t>(axis)];
+  }
 
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
@@ -216,15 +221,18 @@ protected:
     for (int k = 0; k < n_frames; ++k) { frame_tapes_[at(node.frame + k)].add_room(0, 0, 1); }
   }
 
-  /// One more frame for each limb on a free frame that hands on apart from others.
+  /// One more frame for the limb of each free axis that others hand on after, or that has other axes.
   [[gnu::cold]] void add_receivers()
   {
-    for (const Node& node : tree_->nodes()) { receiver_.push_back(node.inlet); }
+    axis_of_.assign(static_cast<std::size_t>(tree_->size()), -1);
     for (FreeAxis<Scalar>& axis : free_axes_) {
       if (axis.child < 0) { continue; }
+      axis_of_[static_cast<std::size_t>(axis.child)] = &axis - free_axes_.data();
+      const auto& nodes = tree_->nodes();
+      const bool last = std::none_of(nodes.begin(), nodes.begin() + axis.child, [&](const Node& n) { return n.inlet == axis.frame; });
+      if (last && axes_.share(axis.frame, tree_->node(axis.child).frame)) { continue; }
       axis.receiver = static_cast<Index>(frames_.size());
       frames_.push_back(frames_.front());
-      receiver_[static_cast<std::size_t>(axis.child)] = axis.receiver;
     }
   }
 
@@ -245,7 +253,7 @@ protected:
   Turns<Scalar> turns_;
   ParallelAxes<Scalar> axes_;
   std::vector<FreeAxis<Scalar>> free_axes_;
-  std::vector<Index> receiver_;
+  std::vector<Index> axis_of_;  // of a subsystem: which of free_axes_, in matrix form
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
@@ -332,7 +340,8 @@ private:
         carried(node.parent) += carried(node.index);
         Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
         if constexpr (Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>()) {
-          if (heaviest < 0 || carried(heaviest) < carried(node.index)) { heaviest = node.index; }
+          // Of equal ones the first, which comes last on the way inward.
+          if (heaviest < 0 || !(carried(node.index) < carried(heaviest))) { heaviest = node.index; }
         }
       }
     });
