@@ -6,6 +6,7 @@
 #include <iim/iim.hpp>
 
 #include <cstdint>
+#include <string>
 #include <type_traits>
 
 namespace test_status_singular {
@@ -111,6 +112,25 @@ TEST_CASE("coaxial joints with nothing between")
               RevoluteLink<double>{{Vector3<double>::UnitZ()}, random.body()});
     return parts;
   });
+}
+
+TEST_CASE("four joints about one point or along one direction, with nothing between")
+{
+  for (const bool parallel : {false, true}) {
+    all_are_refused(parallel ? "one direction" : "one point", [&](test::Random& random) {
+      Parts parts;
+      parts.add("arm", somewhere("world", random), link(random));
+      const Vector3<double> axis = random.unit();
+      for (int k = 0; k < 4; ++k) {
+        Attachment<double> on = somewhere(k == 0 ? "arm" : ("link" + std::to_string(k - 1)).c_str(), random);
+        if (parallel) { on.R.setIdentity(); }
+        if (!parallel && k > 0) { on.p.setZero(); }
+        parts.add("link" + std::to_string(k), on,
+                  RevoluteLink<double>{{parallel ? axis : random.axis()}, k < 3 ? massless : random.body()});
+      }
+      return parts;
+    });
+  }
 }
 
 TEST_CASE("a rotor that its own joint holds")
