@@ -70,8 +70,9 @@ struct FrameMass {
   Scalar mass = Scalar(0);
   Vector3<Scalar> com = Vector3<Scalar>::Zero();              ///< centre of mass
   Matrix3<Scalar> central_inertia = Matrix3<Scalar>::Zero();  ///< about the centre of mass
-  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();     ///< m·com, about the frame's origin or what set_about names
-  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();          ///< about the same point
+  Vector3<Scalar> centre = Vector3<Scalar>::Zero();  ///< of mass, from the frame's origin or from what set_about names
+  Vector3<Scalar> first_moment = Vector3<Scalar>::Zero();  ///< m·centre
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();       ///< about the same point
   bool present = false;  ///< false: the frame carries nothing, and nothing is computed for it
 
   void add(const Body<Scalar>& body)
@@ -101,7 +102,6 @@ struct FrameMass {
   void set_about(const Vector3<Scalar>& point)
   {
     if (!present) { return; }
-    Vector3<Scalar> centre;
     for (int i = 0; i < 3; ++i) {
       centre(i) = com(i) - point(i);
       first_moment(i) = mass * centre(i);

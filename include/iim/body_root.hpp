@@ -61,7 +61,7 @@ struct BodyRoot {
     using std::sqrt;
     if (!body.present) { return; }
     root_mass = sqrt(body.mass);
-    com = body.com;
+    com = body.centre;
     Vector3<Scalar> moment = body.central_inertia.diagonal();
     const Matrix3<Scalar> diagonal = moment.asDiagonal();
     Scalar roundings(0);

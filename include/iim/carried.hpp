@@ -19,8 +19,7 @@ template <bool velocity, class Scalar>
   f.placed = true;
   if (axes) [[unlikely]] {
     Matrix3<Scalar> R = f.R;
-    Vector3<Scalar> r(Scalar(0), Scalar(0), Scalar(0)), omega = f.omega;
-    if (f.offset) { r = f.r; }
+    Vector3<Scalar> r = f.bodies_at(), omega = f.omega;
     turn_triples(*axes, false, R.data(), 3);
     turn_triples(*axes, false, r.data(), 1);
     turn_triples(*axes, false, omega.data(), 1);

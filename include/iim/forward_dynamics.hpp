@@ -112,7 +112,7 @@ public:
         for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
         if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
         if constexpr (Data::update == Update::square_root) {
-          const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.r, wrench);
+          const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
           for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) {
             ws_.root(input.frame).row[static_cast<std::size_t>(k)](rhs) += z(k);
           }

@@ -213,7 +213,8 @@ struct KinematicStep {
           N_k.h.setZero();
           N_k.h_along = Scalar(0);
         }
-        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, f.r, f.omega, N_k);
+        const Vector3<Scalar> at_point(Scalar(0), Scalar(0), Scalar(0));
+        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r, f.omega, N_k);
         f.h.setZero();
       } else {
         f.placed = false;

@@ -283,7 +283,7 @@ protected:
     unit_rows_.carry_inward(ws, input.frame);
     for (Index j = 0; j < input.size; ++j, beta += depth_) {
       Vector6<Scalar> left = input_wrench(input, f, j);
-      const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.r, left);
+      const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), left);
       for (Index a = 0; a < depth; ++a) {
         const Scalar* const h = H(input.frame) + a / lanes * lanes * components + a % lanes;
         Scalar sum = unit_rows_.at(a, z);

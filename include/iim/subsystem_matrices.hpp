@@ -85,7 +85,7 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
   const Vector3<Scalar> zero = Vector3<Scalar>::Zero();
   for (int k = 0; k < S::n_frames; ++k) {
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    add_bodies<velocity>(ws.tree().frame_mass(node.frame + k), f.R, f.offset ? f.r : zero, f.omega, f.bias,
+    add_bodies<velocity>(ws.tree().frame_mass(node.frame + k), f.R, f.bodies_at(), f.omega, f.bias,
                          m.frame[static_cast<std::size_t>(k)], m);
   }
   const MatrixX<Scalar> inlet = MatrixX<Scalar>::Identity(6, 6 + n_i);

@@ -41,6 +41,9 @@ struct FrameState {
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
   detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
   Vector6<Scalar> Vdot;         ///< acceleration
+
+  /// The point that the frame's bodies are about, from the coupling point.
+  Vector3<Scalar> bodies_at() const { return offset ? r : Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)); }
 };
 
 /// What a spring adds to M̄_i in an implicit step h, ratioᵀ (h·damping + h²·stiffness) ratio, and to h̄_i, ratioᵀ force.
