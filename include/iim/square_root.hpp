@@ -105,7 +105,7 @@ struct FreeAxis {
   Vector6<Scalar> held = Vector6<Scalar>::Zero();  ///< of what the child hands on, A' S; then A S of all
   Scalar force = Scalar(0);                        ///< of what the child hands on, Sᵀ p'; then Sᵀ p of all but bias accelerations
   Scalar within = Scalar(0);                       ///< Sᵀ A' S of what the child hands on
-  TriplePair<Scalar> size;                         ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
+  TriplePair<Scalar> size{};                       ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
   Scalar loss = Scalar(0);
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in G, which a free frame keeps in its first seven rows

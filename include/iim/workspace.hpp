@@ -232,7 +232,8 @@ protected:
       if (axis.child < 0) { continue; }
       axis_of_[static_cast<std::size_t>(axis.child)] = &axis - free_axes_.data();
       const auto& nodes = tree_->nodes();
-      const bool last = std::none_of(nodes.begin(), nodes.begin() + axis.child, [&](const Node& n) { return n.inlet == axis.frame; });
+      const bool last = std::none_of(nodes.begin(), nodes.begin() + axis.child,
+                                     [&](const Node& other) { return other.inlet == axis.frame; });
       if (last && axes_.share(axis.frame, tree_->node(axis.child).frame)) { continue; }
       axis.receiver = static_cast<Index>(frames_.size());
       frames_.push_back(frames_.front());
@@ -342,7 +343,8 @@ private:
       } else if (node.inlet >= 0) {
         carried(node.parent) += carried(node.index);
         Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
-        if constexpr (Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>()) {
+        constexpr bool suits = Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>();
+        if constexpr (suits) {
           // Of equal ones the first, which comes last on the way inward.
           if (heaviest < 0 || !(carried(node.index) < carried(heaviest))) { heaviest = node.index; }
         }
