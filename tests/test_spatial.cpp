@@ -83,6 +83,7 @@ TEMPLATE_TEST_CASE("shifts are X(r), its transpose and its congruence", "", floa
     const Matrix6<Scalar> expected = sum.dense() + X.transpose() * A.dense() * X;
     sum.add_shifted(A, r);
     CHECK((sum.dense() - expected).norm() < slack);
+    CHECK((A.shifted(r).dense() - X.transpose() * A.dense() * X).norm() < slack);
   }
 }
 

@@ -10,13 +10,20 @@
 
 namespace iim::detail {
 
-/// A, h and size of the bodies on a frame, in its axes (ParallelAxes::of).
-template <bool velocity, class Scalar>
-[[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
+template <class Scalar>
+[[gnu::always_inline]] inline void clear_size(FrameState<Scalar>& f)
 {
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
   f.size = {zero, zero};
-  f.placed = true;
+  f.loses = false;
+  f.arrived = true;
+}
+
+/// The bodies on a frame, in its axes (ParallelAxes::of).
+template <bool velocity, class Scalar>
+[[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
+{
+  clear_size(f);
   if (axes) [[unlikely]] {
     Matrix3<Scalar> R = f.R;
     Vector3<Scalar> r = f.bodies_at(), omega = f.omega;
@@ -31,34 +38,73 @@ template <bool velocity, class Scalar>
   }
 }
 
-/// Nothing on a frame.
-template <class Scalar>
-void clear(FrameState<Scalar>& f)
+/// Before anything else comes to a frame.
+template <bool velocity, class Workspace>
+[[gnu::always_inline]] inline void arrive(Index frame, Workspace& ws)
 {
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  f.size = {zero, zero};
-  f.loses = false;
-  f.A.set_zero();
-  f.h.setZero();
+  using Scalar = typename Workspace::Scalar;
+  FrameState<Scalar>& f = ws.frame(frame);
+  if (f.arrived) { return; }
+  if (bodies_first<Scalar> && frame < ws.tree().n_frames()) {
+    place<velocity>(ws.tree().frame_mass(frame), ws.axes().of(frame), f);
+  } else {
+    clear_size(f);
+    f.A.set_zero();
+    f.h.setZero();
+  }
 }
 
-/// Matrix form: before anything else comes to the frame. Not in the outward loop: there 33 numbers would wait in memory for
-/// the way back, and the steps inward wait for one another, which leaves the processor time for it (pass of a chain of 30 with
-/// lanes 8 % less).
-template <bool velocity, class Workspace>
-[[gnu::always_inline]] inline void place_frame(Index f, Workspace& ws)
+/// All that a frame carries, in the axes of the step: its own bodies, and what has come to it.
+template <class Scalar>
+struct Carried {
+  SpatialInertia<Scalar> A;
+  TriplePair<Scalar> h;
+};
+
+/// Its own bodies.
+template <class S, bool velocity, class Scalar>
+[[gnu::always_inline]] inline Carried<Scalar> own_bodies(const FrameMass<Scalar>& body, const FrameState<Scalar>& f)
 {
-  if (!ws.frame(f).placed) { place<velocity>(ws.tree().frame_mass(f), ws.axes().of(f), ws.frame(f)); }
+  Carried<Scalar> own;
+  Vector6<Scalar> h;
+  place_bodies<is_placed_off<S>(), velocity>(body, f.R, f.r, f.omega, own.A, h);
+  own.h = TriplePair<Scalar>(h.data());
+  return own;
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void add_arrived(const FrameState<Scalar>& f, Carried<Scalar>& all)
+{
+  if (!f.arrived) { return; }
+  all.A += f.A;
+  all.h += TriplePair<Scalar>(f.h.data());
+}
+
+/// For who looks at it: FrameState::A and h.
+template <class Scalar>
+[[gnu::always_inline]] inline void keep(const Carried<Scalar>& all, FrameState<Scalar>& f)
+{
+  f.A = all.A;
+  all.h.put(f.h.data());
+}
+
+/// Diagonal of the largest inertia that A of a frame is reduced from, itself included.
+template <class Scalar>
+[[gnu::always_inline]] inline TriplePair<Scalar> largest(const FrameState<Scalar>& f, const SpatialInertia<Scalar>& A)
+{
+  if (!bodies_first<Scalar> && !f.arrived) { return {A.M.diagonal(), A.J.diagonal()}; }
+  return {max(f.size.linear, A.M.diagonal()), max(f.size.angular, A.J.diagonal())};
 }
 
 /// Bias wrench of what a frame carries: h + A bias.
 template <Scene scene, class S>
-[[gnu::always_inline]] inline TriplePair<typename S::Scalar> bias_wrench(const FrameState<typename S::Scalar>& f)
+[[gnu::always_inline]] inline TriplePair<typename S::Scalar> bias_wrench(const SpatialInertia<typename S::Scalar>& A,
+                                                                         const TriplePair<typename S::Scalar>& h,
+                                                                         const FrameState<typename S::Scalar>& f)
 {
   using Scalar = typename S::Scalar;
-  TriplePair<Scalar> p(f.h.data());
-  if constexpr (has_bias<scene, S>(0)) { p += f.A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
-  if constexpr (has_bias<scene, S>(3)) { p += f.A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
+  TriplePair<Scalar> p = h;
+  if constexpr (has_bias<scene, S>(0)) { p += A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
+  if constexpr (has_bias<scene, S>(3)) { p += A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
   return p;
 }
 

@@ -117,7 +117,7 @@ public:
             ws_.root(input.frame).row[static_cast<std::size_t>(k)](rhs) += z(k);
           }
         } else {
-          place_frame<scene.velocity>(input.frame, ws_);
+          arrive<scene.velocity>(input.frame, ws_);
         }
         f.h -= wrench;
       }

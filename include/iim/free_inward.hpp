@@ -86,19 +86,28 @@ template <Scene scene, class S>
   S_free.put(axis.S.data());
 }
 
-/// To what the child of the axis hands on, all else that the frame f carries.
+/// To what the child of the axis hands on, A, h and size of what else the frame f carries.
+template <class Scalar>
+[[gnu::always_inline]] inline void complete_axis(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& h,
+                                                 FreeAxis<Scalar>& axis)
+{
+  const TriplePair<Scalar> S(axis.S.data());
+  TriplePair<Scalar> a(axis.held.data());
+  a += A.of_linear(S.linear);
+  a += A.of_angular(S.angular);
+  a.put(axis.held.data());
+  axis.force += dot(S, h);
+}
 template <class Scalar>
 [[gnu::always_inline]] inline void complete_axis(const FrameState<Scalar>& f, FreeAxis<Scalar>& axis)
 {
-  const TriplePair<Scalar> S(axis.S.data());
-  TriplePair<Scalar> a = f.A.of_linear(S.linear);
-  a += f.A.of_angular(S.angular);
-  a += TriplePair<Scalar>(axis.held.data());
-  a.put(axis.held.data());
-  axis.force += dot(S, TriplePair<Scalar>(f.h.data()));
-  axis.size = largest(f);
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  axis.size = {zero, zero};
   axis.loss = Scalar(0);
-  if (f.loses) [[unlikely]] { axis.loss = dot(S, f.loss); }
+  if (!f.arrived) { return; }
+  complete_axis(f.A, TriplePair<Scalar>(f.h.data()), axis);
+  axis.size = largest(f, f.A);
+  if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.loss); }
 }
 
 /// Two directions across the unit vector a: columns of the reflection that takes it to ∓e₃.
@@ -149,11 +158,25 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   } else if (axis.receiver >= 0) {
     complete_axis(f, axis);
     const FrameState<Scalar>& limb = ws.frame(axis.receiver);
+    arrive<scene.velocity>(node.frame, ws);
     f.A += limb.A;
     add(f.h, limb.h);
     f.size = {max(f.size.linear, limb.size.linear), max(f.size.angular, limb.size.angular)};
     if (limb.loses) [[unlikely]] { add_loss(limb.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
   }
+
+  Carried<Scalar> all;
+  if constexpr (bodies_first<Scalar>) {
+    all = {f.A, Pair(f.h.data())};
+  } else {
+    all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame), f);
+    complete_axis(all.A, all.h, axis);
+    axis.size = {max(axis.size.linear, all.A.M.diagonal()), max(axis.size.angular, all.A.J.diagonal())};
+    add_arrived(f, all);
+  }
+  const Pair size = largest(f, all.A);
+  keep(all, f);
+  const SpatialInertia<Scalar>& A = all.A;
 
   // T = [1 0 0; 0 b S_1]: A_T, and what the roundings of its diagonal are told from.
   const Pair S_1(axis.S.data()), a(axis.held.data());
@@ -163,16 +186,15 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   if constexpr (has_bias<scene, S>(3)) { along += dot(a.angular, Triple<Scalar>(f.bias.data() + 3)); }
   Matrix6<Scalar> A_T;
   Vector6<Scalar> scale;
-  const Pair size = largest(f);
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
     scale(i) = size.linear(i);
 #pragma GCC unroll 8
-    for (int j = 0; j <= i; ++j) { A_T(i, j) = f.A.M(j, i); }
+    for (int j = 0; j <= i; ++j) { A_T(i, j) = A.M(j, i); }
   }
 #pragma GCC unroll 8
   for (int k = 0; k < 2; ++k) {
-    const Pair U = f.A.of_angular(b[static_cast<std::size_t>(k)]);
+    const Pair U = A.of_angular(b[static_cast<std::size_t>(k)]);
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) { A_T(3 + k, i) = U.linear(i); }
 #pragma GCC unroll 8
@@ -193,7 +215,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { diagnosis.fail(Status::not_positive_definite, node.index); }
 
   // C = W T C_T, ψ = C C_Tᵀ Tᵀ p
-  const Pair p = bias_wrench<scene, S>(f);
+  const Pair p = bias_wrench<scene, S>(A, all.h, f);
   Vector6<Scalar> p_T;
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { p_T(i) = p.linear(i); }

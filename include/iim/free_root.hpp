@@ -206,12 +206,11 @@ void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diag
 #pragma GCC unroll 8
   for (int d = 0; d < 6; ++d) {
     const auto at = static_cast<std::size_t>(d);
-    C[at] = whole[5] * state.W(d, 5);
-    Scalar rate = state.W(d, 5) * a(5);
-#pragma GCC unroll 8
-    for (int i = 4; i >= (d < 3 ? 0 : 3); --i) {
-      C[at] += whole[static_cast<std::size_t>(i)] * state.W(d, i);
-      rate += state.W(d, i) * a(i);
+    C[at] = whole[3] * state.W(d, 3) + whole[4] * state.W(d, 4) + whole[5] * state.W(d, 5);
+    Scalar rate = state.W(d, 3) * a(3) + state.W(d, 4) * a(4) + state.W(d, 5) * a(5);
+    if (d < 3) {
+      C[at] += whole[0] * state.W(d, 0) + whole[1] * state.W(d, 1) + whole[2] * state.W(d, 2);
+      rate += state.W(d, 0) * a(0) + state.W(d, 1) * a(1) + state.W(d, 2) * a(2);
     }
     state.psi(d) = -rate;
   }

@@ -1,7 +1,7 @@
 // SpatialInertia of one state in float or double: columns of 3 × 3 blocks, each in a register.
 //
 // A step of the inward loop is then some ninety vector operations in place of five hundred on single numbers. M and J are
-// kept whole; what rounds differently above and below their diagonals does not grow: add_shifted takes the mean.
+// kept whole; what rounds differently above and below their diagonals does not grow: `shifted` takes the mean.
 #pragma once
 
 #include <iim/spatial.hpp>
@@ -136,26 +136,30 @@ struct SpatialInertia<Scalar> {
     return *this;
   }
 
-  /// Adds X(r)ᵀ A X(r): the inertia A, given about the point r away, about this point.
-  [[gnu::always_inline]] void add_shifted(const SpatialInertia& A, const Vector3<Scalar>& r)
+  /// X(r)ᵀ A X(r): this inertia about a point from which its own is r away.
+  [[gnu::always_inline]] SpatialInertia shifted(const Vector3<Scalar>& r) const
   {
     // H' = H − M r̃,  J' = ½ (K + Kᵀ),  K = J + r̃ (H + H')
-    const auto Mr = A.M.times_skew(r);
+    const auto Mr = M.times_skew(r);
+    SpatialInertia result;
     detail::ColumnBlock<Scalar> H2;
 #pragma GCC unroll 8
-    for (std::size_t j = 0; j < 3; ++j) { H2.column[j] = A.H.column[j] - Mr.column[j] * Scalar(0.5); }
+    for (std::size_t j = 0; j < 3; ++j) { H2.column[j] = H.column[j] - Mr.column[j] * Scalar(0.5); }
     const auto G = H2.transposed().times_skew(r);  // Kᵀ = J/2 − Gᵀ
     detail::ColumnBlock<Scalar> K;
 #pragma GCC unroll 8
-    for (std::size_t j = 0; j < 3; ++j) { K.column[j] = A.J.column[j] * Scalar(0.5) - G.column[j]; }
+    for (std::size_t j = 0; j < 3; ++j) { K.column[j] = J.column[j] * Scalar(0.5) - G.column[j]; }
     const auto Kt = K.transposed();
-    M += A.M.mirrored();
+    result.M = M.mirrored();
 #pragma GCC unroll 8
     for (std::size_t j = 0; j < 3; ++j) {
-      H.column[j] += A.H.column[j] - Mr.column[j];
-      J.column[j] = (J.column[j] + K.column[j]) + Kt.column[j];
+      result.H.column[j] = H.column[j] - Mr.column[j];
+      result.J.column[j] = K.column[j] + Kt.column[j];
     }
+    return result;
   }
+
+  [[gnu::always_inline]] void add_shifted(const SpatialInertia& A, const Vector3<Scalar>& r) { *this += A.shifted(r); }
 
   /// A (a; 0), A (0; a).
   template <class Factors>

@@ -217,7 +217,7 @@ struct KinematicStep {
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r, f.omega, N_k);
         f.h.setZero();
       } else {
-        f.placed = false;
+        f.arrived = false;
         f.loses = false;
       }
     }

@@ -25,13 +25,6 @@
 
 namespace iim::detail {
 
-/// Diagonal of the largest inertia that a frame's A is reduced from, itself included.
-template <class Scalar>
-[[gnu::always_inline]] inline TriplePair<Scalar> largest(const FrameState<Scalar>& f)
-{
-  return {max(f.size.linear, f.A.M.diagonal()), max(f.size.angular, f.A.J.diagonal())};
-}
-
 /// scale += Sᵀ diag(size) S, its diagonal.
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_scale(const TriplePair<Scalar>& size, const Eigen::Matrix<Scalar, 6, n>& S,

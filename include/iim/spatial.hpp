@@ -336,6 +336,15 @@ struct SpatialInertia {
     for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += S(k % 3, k / 3); }
   }
 
+  /// X(r)ᵀ A X(r) alone.
+  SpatialInertia shifted(const Vector3<Scalar>& r) const
+  {
+    SpatialInertia result;
+    result.set_zero();
+    result.add_shifted(*this, r);
+    return result;
+  }
+
   /// A (a; 0), A (0; a).
   template <class Factors>
   [[gnu::always_inline]] detail::TriplePair<Scalar> of_linear(const Factors& a) const

@@ -34,9 +34,10 @@ struct FrameState {
   Vector3<Scalar> omega;        ///< angular velocity [rad/s]
   Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
   bool offset = false;          ///< whether the frame's bodies are about another point than the coupling point
-  bool placed = false;          ///< whether A, h and size are of this state
+  bool arrived = false;         ///< on the way inward: whether anything has come to A, h and size
   bool loses = false;           ///< whether loss is, and large against A
-  SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries)
+  SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries); before the
+                                ///< frame's own step inward, of what hangs on it
   Vector6<Scalar> h;            ///< bias wrench of the same
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
   detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
@@ -68,6 +69,31 @@ struct Shape {
 };
 template <class S>
 using ShapeOf = Shape<typename S::Scalar, S::n_i, S::n_frames, S::pattern, is_free<S>(), along<S>() != Along::nothing>;
+
+/// U and D of a frame's own bodies for its own twist: constants, in its axes. From them a thin moment about the joint's axis is what
+/// it is, where an inertia that is turned to world axes has the roundings of the others in it (a wrist of one thin rod: 112 ε of B̂,
+/// with this 1).
+template <class Scalar>
+struct OwnColumn {
+  Vector3<Scalar> linear, angular;
+  Scalar D;
+
+  OwnColumn() = default;
+  OwnColumn(const FrameMass<Scalar>& body, const Vector6<Scalar>& twist)
+  {
+    const Vector3<Scalar> omega = iim::detail::angular(twist);
+    Vector3<Scalar> v = cross(omega, body.com);
+    add(v, iim::detail::linear(twist));
+    angular = times(body.central_inertia, omega);
+    D = Scalar(0);
+    for (int i = 0; i < 3; ++i) {
+      linear(i) = body.mass * v(i);
+      D += v(i) * linear(i) + omega(i) * angular(i);
+    }
+    add(angular, cross(body.com, linear));
+  }
+};
+struct NoColumn {};
 
 /// Whether in square-root form the frame of S moves by one column, and n S is kept beside each of its rows n.
 template <class S>
@@ -103,6 +129,8 @@ struct NodeMemory {
 /// What one subsystem keeps.
 template <class S>
 struct NodeState : detail::NodeMemory<detail::ShapeOf<S>> {
+  [[no_unique_address]] std::conditional_t<detail::has_own_twist<S>(), detail::OwnColumn<typename S::Scalar>, detail::NoColumn>
+      own;  ///< of the frame's own bodies
   [[no_unique_address]] std::array<SpringInertia<typename S::Scalar, S::n_i>, static_cast<std::size_t>(detail::spring_count<S>())>
       springs;  ///< of an implicit step
 };
@@ -290,6 +318,7 @@ public:
           this->frame_body_[static_cast<std::size_t>(node.frame)].set_own_twist(s.own_twist());
         }
       }
+      if constexpr (detail::has_own_twist<S>()) { state.own = {tree.frame_mass(node.frame), s.own_twist()}; }
       if constexpr (update == Update::square_root) {
         this->add_tape(node, S::n_i, S::n_frames, detail::rotor_count<S>() + detail::spring_count<S>());
       }
