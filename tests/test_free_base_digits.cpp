@@ -45,6 +45,7 @@ Results results(const Parts<Scalar>& assembly, const test::RandomState& state, d
 
 struct Errors {
   double Bhat = 0, qdd0 = 0;
+  int over = 0;  ///< states whose B̂ is off by more than 16 ε
 };
 
 /// Largest errors in ε, against the square-root form in long double.
@@ -59,7 +60,9 @@ Errors worst(int states, double step, Model&& model)
     const Results a = results<double, Update::projected>(assembly, state, step);
     const Results b = results<long double, Update::square_root>(assembly.template cast<long double>(), state, step);
     const double epsilon = std::numeric_limits<double>::epsilon();
-    worst.Bhat = std::max(worst.Bhat, static_cast<double>((a.Bhat - b.Bhat).norm() / b.Bhat.norm()) / epsilon);
+    const double error = static_cast<double>((a.Bhat - b.Bhat).norm() / b.Bhat.norm()) / epsilon;
+    worst.Bhat = std::max(worst.Bhat, error);
+    worst.over += error > 16;
     worst.qdd0 = std::max(worst.qdd0, static_cast<double>((a.qdd0 - b.qdd0).norm() / b.qdd0.norm()) / epsilon);
   }
   return worst;
@@ -182,8 +185,7 @@ TEST_CASE("projected: a base lighter than its limb", "[free_base]")
     for (const double step : {0.0, 1e-3}) {
       CAPTURE(static_cast<int>(first), step);
       const Errors errors = worst(100, step, [&](test::Random& random) { return light_base(first, random); });
-      // 73 ε of B̂ and 26 of q̈₀; 234 and 786 with the limb's inertia added to the base's.
-      CHECK(errors.Bhat < 128);
+      CHECK(errors.over <= 6);  // 2 to 4 of 100; 10 to 13 with the limb's inertia added to the base's
       CHECK(errors.qdd0 < 128);
     }
   }
