@@ -281,10 +281,11 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
         all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame + k), f);
         add_arrived(f, all);
       }
-      pass_size(largest(f, all.A), state.r, inlet);
+      const TriplePair<Scalar> size = largest(f, all.A);
       keep(all, f);
       if (k == 0) { add_inlet_bodies<scene>(node, state, ws, all.A, all.h); }
       hand_on<scene>(all.A, all.h, state.c, state.r, inlet);
+      pass_size(size, state.r, inlet);
       if (f.loses) [[unlikely]] { add_loss(f.loss, state.r, inlet); }
     }
   }
