@@ -1,4 +1,4 @@
-// What a frame carries, in matrix form: its bodies, before what hangs on it hands on its own.
+// What a frame carries, in matrix form: its own bodies, and what hangs on it, which is handed on in the steps before its own.
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -10,6 +10,7 @@
 
 namespace iim::detail {
 
+/// Of what comes to a frame, all but A and h, before the first of it.
 template <class Scalar>
 [[gnu::always_inline]] inline void clear_size(FrameState<Scalar>& f)
 {
