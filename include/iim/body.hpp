@@ -113,6 +113,30 @@ struct FrameMass {
 
 namespace detail {
 
+/// U and D of a frame's own bodies for its own twist: constants, in its axes. From them a thin moment about the joint's axis is what
+/// it is, where an inertia that is turned to world axes has the roundings of the others in it (a wrist of one thin rod: 112 ε of B̂,
+/// with this 1).
+template <class Scalar>
+struct OwnColumn {
+  Vector3<Scalar> linear, angular;
+  Scalar D;
+
+  OwnColumn() = default;
+  OwnColumn(const FrameMass<Scalar>& body, const Vector6<Scalar>& twist)
+  {
+    const Vector3<Scalar> omega = iim::detail::angular(twist);
+    Vector3<Scalar> v = cross(omega, body.com);
+    add(v, iim::detail::linear(twist));
+    angular = times(body.central_inertia, omega);
+    D = Scalar(0);
+    for (int i = 0; i < 3; ++i) {
+      linear(i) = body.mass * v(i);
+      D += v(i) * linear(i) + omega(i) * angular(i);
+    }
+    add(angular, cross(body.com, linear));
+  }
+};
+
 /// Whether shift·1 + factor·I is positive definite: Gauss elimination of a symmetric matrix.
 inline bool is_definite(double shift, double factor, Eigen::Matrix3d I)
 {

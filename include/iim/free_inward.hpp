@@ -121,27 +121,6 @@ template <class Scalar>
   return {Triple<Scalar>(one, zero, zero) - u * x, Triple<Scalar>(zero, one, zero) - u * y};
 }
 
-/// Rᵀ.
-template <class Scalar>
-struct TransposedRotation {
-  std::array<Triple<Scalar>, 3> e;
-  [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R) : e{column(R, 0), column(R, 1), column(R, 2)} {}
-  [[gnu::always_inline]] Triple<Scalar> operator*(const Triple<Scalar>& x) const
-  {
-    return {dot(e[0], x), dot(e[1], x), dot(e[2], x)};
-  }
-};
-template <class Scalar>
-  requires three_in_register<Scalar>
-struct TransposedRotation<Scalar> {
-  ColumnBlock<Scalar> rows;
-  [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R)
-      : rows(ColumnBlock<Scalar>{{column(R, 0), column(R, 1), column(R, 2)}}.transposed())
-  {
-  }
-  [[gnu::always_inline]] Triple<Scalar> operator*(const Triple<Scalar>& x) const { return rows * x; }
-};
-
 template <Scene scene, class S, class Workspace>
 void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {

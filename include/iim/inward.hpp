@@ -319,7 +319,6 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
     if (turned) [[unlikely]] {
-      if (receiver >= 0) { arrive<scene.velocity>(receiver, ws); }
       step.enter(node.frame, node.inlet, receiver, StepData(state), ws);
     }
     if constexpr (S::n_i == 0) {

@@ -55,31 +55,39 @@ public:
       r_frame_ = frame.r;
       omega_ = frame.omega;
       bias_ = frame.bias;
-      turn(data.S, 2 * data.n_i);
-      turn(data.R.data(), 3);
-      turn(data.r.data(), 1);
-      turn(data.c.data(), 1);
-      turn(frame.R.data(), 3);
-      turn(frame.r.data(), 1);
-      turn(frame.omega.data(), 1);
-      turn(frame.bias.data(), 2);
+      const TransposedRotation<Scalar> into(*own_);
+      turn_each(into, data.S, 2 * data.n_i);
+      turn_each(into, data.R.data(), 3);
+      turn_each(into, data.r.data(), 1);
+      turn_each(into, data.c.data(), 1);
+      turn_each(into, frame.R.data(), 3);
+      turn_each(into, frame.r.data(), 1);
+      turn_each(into, frame.omega.data(), 1);
+      turn_each(into, frame.bias.data(), 2);
       if (inlet >= 0) {
         omega_inlet_ = ws.frame(inlet).omega;
-        turn(ws.frame(inlet).omega.data(), 1);
+        turn_each(into, ws.frame(inlet).omega.data(), 1);
       }
     }
     if (inlet >= 0 && own_ != there_) {
       FrameState<Scalar>& to = ws.frame(receiver);
-      A_ = to.A;
-      h_ = to.h;
-      size_ = to.size;
-      to.A.set_zero();
-      to.h.setZero();
-      const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-      to.size = {zero, zero};
-      lost_ = to.loses;
-      loss_ = to.loss;
-      to.loses = false;
+      had_ = to.arrived;
+      if (had_) {
+        A_ = to.A;
+        h_ = to.h;
+        size_ = to.size;
+        lost_ = to.loses;
+        loss_ = to.loss;
+      }
+      if constexpr (bodies_first<Scalar>) {  // what is handed on is added to what is there
+        const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+        to.A.set_zero();
+        to.h.setZero();
+        to.size = {zero, zero};
+        to.loses = false;
+      } else {
+        to.arrived = false;
+      }
     }
   }
 
@@ -111,29 +119,24 @@ public:
   }
 
 private:
-  void turn(Scalar* triples, int count) const { turn_triples(*own_, false, triples, count); }
-
   /// What has come to the inlet, in its axes, to what was there.
   void hand_over(FrameState<Scalar>& inlet) const
   {
     Matrix3<Scalar> E = Matrix3<Scalar>::Identity();
     if (own_) { E = *own_; }
     if (there_) { turn_triples(*there_, false, E.data(), 3); }
-    const Matrix6<Scalar> came = inlet.A.dense();
-    const Vector3<Scalar> force = times(E, linear(inlet.h)), moment = times(E, angular(inlet.h));
+    const SpatialInertia<Scalar> came = inlet.A;
+    const Columns<Scalar> axes(E);
+    turn_each(axes, inlet.h.data(), 2);
     Matrix3<Scalar> squares;
     for (int k = 0; k < 9; ++k) { squares.data()[k] = E.data()[k] * E.data()[k]; }
-    inlet.A = A_;
-    add_turned(E, came, 0, 0, inlet.A.M);
-    add_turned(E, came, 0, 3, inlet.A.H);
-    add_turned(E, came, 3, 3, inlet.A.J);
-    for (int i = 0; i < 3; ++i) {
-      inlet.h(i) = h_(i) + force(i);
-      inlet.h(i + 3) = h_(i + 3) + moment(i);
-    }
-    inlet.size = {max(size_.linear, combined(squares, inlet.size.linear)),
-                  max(size_.angular, combined(squares, inlet.size.angular))};
+    inlet.A = {turned_block(E, came.M), turned_block(E, came.H), turned_block(E, came.J)};
+    inlet.size = {combined(squares, inlet.size.linear), combined(squares, inlet.size.angular)};
     if (inlet.loses) { inlet.loss = {combined(E, inlet.loss.linear), combined(E, inlet.loss.angular)}; }
+    if (!had_) { return; }
+    inlet.A += A_;
+    add(inlet.h, h_);
+    inlet.size = {max(size_.linear, inlet.size.linear), max(size_.angular, inlet.size.angular)};
     if (inlet.loses && lost_) { inlet.loss += loss_; }
     if (!inlet.loses && lost_) { inlet.loss = loss_; }
     inlet.loses |= lost_;
@@ -152,7 +155,7 @@ private:
   SpatialInertia<Scalar> A_;
   Vector6<Scalar> h_;
   TriplePair<Scalar> size_, loss_;
-  bool lost_;
+  bool had_, lost_;
 };
 
 }  // namespace iim::detail
