@@ -143,7 +143,7 @@ public:
   static constexpr int fewest_joints = 6;
   /// Of the sum of thinness along a limb, times the square of its velocities and its free base's. (A seven-axis arm whose roll
   /// joints are thin by 40: 7e3, 16 ε of B̂ at most. Bars a third as wide as long, axes x, y, z in turn, in the world's axes: 8 of
-  /// them 6e3, 33 ε; 15 of them 5e4, 69 ε. What is above takes axes of its own, and 55 ns more for each joint.)
+  /// them 6e3, 33 ε; 15 of them 5e4, 69 ε. What is above takes axes of its own, and 65 ns more for each joint.)
   static constexpr int most_thinness = 8000;
 
   ParallelAxes() = default;
