@@ -20,6 +20,7 @@
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 
+#include <array>
 #include <cstddef>
 #include <type_traits>
 #include <utility>
@@ -141,10 +142,11 @@ public:
   using Group = ParallelGroup<Scalar>;
   /// Fewer joints lose no more than two bits (5 links: 14 ε of B̂; 7: 30), which turning would cost a third of the pass.
   static constexpr int fewest_joints = 6;
-  /// Of the sum of thinness along a limb, times the square of its velocities and its free base's. (A seven-axis arm whose roll
-  /// joints are thin by 40: 7e3, 16 ε of B̂ at most. Bars a third as wide as long, axes x, y, z in turn, in the world's axes: 8 of
-  /// them 6e3, 33 ε; 15 of them 5e4, 69 ε. What is above takes axes of its own, and 65 ns more for each joint.)
-  static constexpr int most_thinness = 8000;
+  /// Of the sum of thinness along a limb but for its first joint, whose roundings no other joint has, times the square of its
+  /// velocities and its free base's. (A seven-axis arm with roll joints thin by 40: 5e3, 16 ε of B̂ at most. Bars a third as wide as
+  /// long, axes x, y, z in turn, in the world's axes: 8 of them 6e3, 33 ε; 15 of them 5e4, 69 ε. What is above takes axes of its
+  /// own, and 65 ns more for each joint.)
+  static constexpr int most_thinness = 5500;
 
   ParallelAxes() = default;
 
@@ -181,7 +183,7 @@ public:
           }
           ++groups_[static_cast<std::size_t>(group_[at])].joints;
           limb.velocities += Scalar(1);
-          limb.thinness += thinness(s, tree.frame_mass(node.frame));
+          if (node.index != limb.first) { limb.thinness += thinness(s, tree.frame_mass(node.frame)); }
           const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
           if (ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
             limbs[static_cast<std::size_t>(limb.first)].thin = true;
