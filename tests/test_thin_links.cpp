@@ -137,4 +137,48 @@ TEST_CASE("only limbs with thin links pay for axes of their own")
   CHECK_FALSE(has_own_axes(geared));
 }
 
+TEST_CASE("a point on the axis of the last joint of a thin limb is no pivot, in axes of its own either")
+{
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    CAPTURE(seed);
+    test::Random random(seed);
+    Parts<double> assembly = bars(15, 0.1, Joints::in_turn, false, random);
+    RevoluteLink<double> point{{random.unit()}, {}};
+    point.body.mass = 1;
+    point.body.com = random.uniform(-1, 1) * point.joint.axis;
+    assembly.add("point", {.parent = "bar14", .p = {0, 0, -1}}, point);
+    CHECK(has_own_axes(assembly));
+    const Tree<double> tree(assembly);
+    const test::RandomState state = test::random_state(tree, 0, random);
+    Workspace<Tree<double>> ws(tree);
+    const auto fd = forward_dynamics(state.q, state.qd, ws);
+    CHECK(fd.status() == Status::not_positive_definite);
+    CHECK(fd.subsystem() == tree.index("point"));
+  }
+}
+
+TEST_CASE("a free base within a tree hands on nothing from its thin limb's axes")
+{
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    CAPTURE(seed);
+    test::Random random(seed);
+    const Body<double> cube = random.body();
+    Parts<double> assembly;
+    assembly.add("post", {}, RevoluteLink<double>{{random.unit()}, cube});
+    assembly.add("base", {.parent = "post", .p = {0, 0, 1}}, FloatingBase<double>{cube});
+    const Parts<double> limb = bars(8, 0.1, Joints::in_turn, false, random);
+    for (const auto& part : limb.parts()) {
+      Attachment<double> on = part.on;
+      if (part.name == "bar0") { on.parent = "base"; }
+      assembly.add(part.name, on, std::get<RevoluteLink<double>>(part.part));
+    }
+    assembly.add("arm", {.parent = "post", .p = {1, 0, 0}}, RevoluteLink<double>{{random.unit()}, cube});
+    CHECK(has_own_axes(assembly));
+    const test::RandomState state = test::random_state(Tree<double>(assembly), 0, random);
+    const auto a = Bhat<double, Update::projected>(assembly, state);
+    const auto b = Bhat<long double, Update::square_root>(assembly.cast<long double>(), state);
+    CHECK((a - b).norm() <= 64 * std::numeric_limits<double>::epsilon() * b.norm());
+  }
+}
+
 }  // namespace test_thin_links

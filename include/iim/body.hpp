@@ -124,15 +124,23 @@ struct OwnColumn {
   OwnColumn() = default;
   OwnColumn(const FrameMass<Scalar>& body, const Vector6<Scalar>& twist)
   {
+    const auto abs = [](const Scalar& x) { return x < Scalar(0) ? Scalar(-x) : x; };
     const Vector3<Scalar> omega = iim::detail::angular(twist);
     Vector3<Scalar> v = cross(omega, body.com);
     add(v, iim::detail::linear(twist));
     angular = times(body.central_inertia, omega);
     D = Scalar(0);
+    const Scalar rounding = Scalar(4) * Eigen::NumTraits<Scalar>::epsilon();
+    Scalar noise(0);
     for (int i = 0; i < 3; ++i) {
       linear(i) = body.mass * v(i);
       D += v(i) * linear(i) + omega(i) * angular(i);
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      const Scalar lost = rounding * (abs(omega(j) * body.com(k)) + abs(omega(k) * body.com(j)) + abs(twist(i)));
+      noise += lost * (body.mass * lost);
+      for (int l = 0; l < 3; ++l) { noise += rounding * abs(omega(i) * body.central_inertia(i, l) * omega(l)); }
     }
+    if (!ScalarTraits<Scalar>::is_positive(D - noise)) { D = Scalar(0); }  // as of a point on the axis: no pivot
     add(angular, cross(body.com, linear));
   }
 };

@@ -14,11 +14,12 @@ namespace iim::detail {
 ///
 /// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). M⁻¹ is wrong by up to
 /// 40 ε · scale / pivot (loaded arms in float; 160 once in a thousand states), so that a pivot below 192 ε of it counts as
-/// zero. Returns whether all pivots are positive; if not, C is not to be used.
+/// zero (and one below zero, where scale itself is a rounding). Returns whether all pivots are positive; if not, C is not to be used.
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
                                                    const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
 {
+  using std::min;
   using std::sqrt;
   const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
   // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
@@ -36,7 +37,7 @@ template <class Scalar, int n>
 #pragma GCC unroll 8
   for (int j = 0; j < n; ++j) {
     const Scalar pivot = left(j, j), inverse = Scalar(1) / pivot;
-    positive &= ScalarTraits<Scalar>::is_positive(pivot - tolerance * rounding(j));
+    positive &= ScalarTraits<Scalar>::is_positive(min(pivot, Scalar(pivot - tolerance * rounding(j))));
 #pragma GCC unroll 8
     for (int i = j + 1; i < n; ++i) {
       const Scalar l = left(i, j) * inverse;
@@ -63,10 +64,11 @@ template <class Scalar, int n>
 bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale,
                 Eigen::Matrix<Scalar, n, n>& C, Eigen::Matrix<Scalar, n, n>& D_inv)
 {
+  using std::min;
   using std::sqrt;
   if constexpr (n == 1) {
     const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
-    const bool positive = ScalarTraits<Scalar>::is_positive(D(0, 0) - tolerance * scale(0));
+    const bool positive = ScalarTraits<Scalar>::is_positive(min(D(0, 0), Scalar(D(0, 0) - tolerance * scale(0))));
     D_inv(0, 0) = Scalar(1) / D(0, 0);
     C(0, 0) = sqrt(D_inv(0, 0));
     return positive;

@@ -122,6 +122,10 @@ private:
   /// What has come to the inlet, in its axes, to what was there.
   void hand_over(FrameState<Scalar>& inlet) const
   {
+    if (!bodies_first<Scalar> && !inlet.arrived) {  // a free base hands on nothing
+      inlet.arrived = had_;
+      return;
+    }
     Matrix3<Scalar> E = Matrix3<Scalar>::Identity();
     if (own_) { E = *own_; }
     if (there_) { turn_triples(*there_, false, E.data(), 3); }
