@@ -276,6 +276,32 @@ TEST_CASE("a small link with a flawed inertia is forgiven on a sound one, with a
   CHECK(part<RevoluteLink<double>>(r, "a").body.mass == 2.001);
 }
 
+TEST_CASE("a frame that a file gives an inertia without a mass is forgiven likewise")
+{
+  const std::string sole =
+      "<inertial><mass value='0'/><inertia ixx='1e-6' ixy='0' ixz='0' iyy='1e-6' iyz='0' izz='1e-6'/></inertial>";
+  const std::string links = link_xml("base") + link_xml("a") + link_xml("sole", sole);
+  const std::string on_link = joint_xml("j", "continuous", "base", "a") + joint_xml("f", "fixed", "a", "sole");
+  const auto r = parse_urdf<double>(robot_xml(links + on_link));
+  REQUIRE(r.warnings.size() == 1);
+  CHECK(r.warnings[0].find("sole") != std::string::npos);
+  CHECK(part<RevoluteLink<double>>(r, "a").body.mass == 2);
+  const std::string moved = joint_xml("j", "continuous", "base", "a") + joint_xml("k", "continuous", "a", "sole");
+  CHECK_THROWS_AS(parse_urdf<double>(robot_xml(links + moved)), ModelError);
+}
+
+TEST_CASE("a point mass may be given moments that are roundings of zero")
+{
+  const auto moments = [](const std::string& ixx) {
+    return "<inertial><mass value='2'/><inertia ixx='" + ixx + "' ixy='0' ixz='0' iyy='3e-20' iyz='0' izz='0'/></inertial>";
+  };
+  const auto robot = [&](const std::string& ixx) {
+    return robot_xml(link_xml("base") + link_xml("a", moments(ixx)) + joint_xml("j", "continuous", "base", "a"));
+  };
+  CHECK(parse_urdf<double>(robot("-5e-20")).warnings.empty());
+  CHECK_THROWS_AS(parse_urdf<double>(robot("-5e-12")), ModelError);
+}
+
 TEST_CASE("robots of other scalars")
 {
   const std::string text = robot_xml(link_xml("base") + link_xml("a") +

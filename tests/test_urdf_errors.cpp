@@ -229,6 +229,8 @@ TEST_CASE("motors that do not go")
   massive.mass = 0.1;
   UrdfOptions<double> twice = with_motor("k", massive);
   twice.rotors_in_links = true;
+  UrdfOptions<double> fixed_motor = with_motor("j", {});
+  fixed_motor.base = Base::floating;
   const std::string chain =
       robot_xml("continuous", "",
                 "<link name='b'>" + body +
@@ -241,21 +243,18 @@ TEST_CASE("motors that do not go")
          {"two ratios", with_transmission(ratios), {"r.urdf:6", "transmission 't'", "'50'", "'60'"}},
          {"negative inertia", with_transmission(inertia), {"r.urdf:6", "transmission 't'", "rotorInertia", "-1e-5"}},
          {"rotor axis", with_transmission(axis), {"r.urdf:6", "transmission 't'", "rotorAxis", "(1, 1, 0)"}},
-         {"no joint", with_transmission(""), {"r.urdf:6", "transmission 't'", "names 0"}},
-         {"two joints",
-          with_transmission("<joint name='j'/><joint name='k'/>"),
-          {"r.urdf:6", "transmission 't'", "names 2"}},
+         {"rotor of no joint",
+          with_transmission("<rotorInertia>1e-5</rotorInertia>"),
+          {"r.urdf:6", "transmission 't'", "names 0"}},
+         {"rotor of two joints",
+          with_transmission("<joint name='j'/><joint name='k'/><actuator name='m'><rotorInertia>1e-5</rotorInertia></actuator>"),
+          {"r.urdf:6", "transmission 't'", "names 2", "a rotor needs one"}},
          {"absent joint", with_transmission("<joint name='ghost'/>"), {"r.urdf:6", "transmission 't'", "'ghost'"}},
          {"two on a joint",
           with_transmission("<joint name='j'/></transmission><transmission name='t2'><joint name='j'/>"),
           {"r.urdf:6", "transmission 't2'", "joint 'j'"}},
-         {"fixed joint",
-          robot_xml("fixed", "", transmission_xml("<joint name='j'/>")),
-          {"r.urdf:4", "joint 'j'", "fixed"},
-          with(Base::floating)},
-         {"floating joint",
-          robot_xml("floating", "", transmission_xml("<joint name='j'/>")),
-          {"r.urdf:4", "joint 'j'", "floating"}},
+         {"motor of a fixed joint", robot_xml("fixed"), {"r.urdf:4", "joint 'j'", "fixed"}, fixed_motor},
+         {"motor of a floating joint", robot_xml("floating"), {"r.urdf:4", "joint 'j'", "floating"}, with_motor("j", {})},
          {"motor of no joint", robot_xml("continuous"), {"r.urdf", "'ghost'"}, with_motor("ghost", {})},
          {"negative rotor mass", robot_xml("continuous"), {"r.urdf:4", "joint 'j'", "-0.5"}, with_motor("j", heavy)},
          {"motor's axis", robot_xml("continuous"), {"r.urdf:4", "joint 'j'", "(0, 3, 0)"}, with_motor("j", skew_axis)},

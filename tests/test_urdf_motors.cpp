@@ -107,6 +107,29 @@ TEST_CASE("a motor without gear and rotor is a torque on the joint")
   CHECK_NOTHROW(part<RevoluteLink<double>>(parse_urdf<double>(arm(direct)), "b"));
 }
 
+TEST_CASE("transmissions that no single moving joint has are left out with a warning")
+{
+  const auto warnings_of = [](const UrdfRobot<double>& r, Index motors) {
+    CHECK(r.tree().n_motors() == motors);
+    return r.warnings;
+  };
+  const auto differential = warnings_of(
+      parse_urdf<double>(arm("<transmission name='wrist'><joint name='j1'/><joint name='j2'/></transmission>")), 2);
+  REQUIRE(differential.size() == 1);
+  CHECK(differential[0].find("'wrist': names 2 joints") != std::string::npos);
+
+  const auto none = warnings_of(parse_urdf<double>(arm("<transmission name='gripper'/>")), 2);
+  REQUIRE(none.size() == 1);
+  CHECK(none[0].find("'gripper': names 0 joints") != std::string::npos);
+
+  const std::string rotor =
+      "<transmission name='t'><joint name='j2'/><actuator name='m'><rotorInertia>1e-5</rotorInertia></actuator></transmission>";
+  const auto fixed = warnings_of(parse_urdf<double>(arm(rotor, "fixed")), 1);
+  REQUIRE(fixed.size() == 1);
+  CHECK(fixed[0].find("joint 'j2'") != std::string::npos);
+  CHECK(parse_urdf<double>(arm(rotor)).warnings.empty());
+}
+
 TEST_CASE("the user's motors take the place of the file's")
 {
   const std::string geared =

@@ -178,7 +178,8 @@ template <class Scalar>
     inertia(k) = detail::to_double(I(k));
     scale = std::max(scale, std::abs(inertia(k)));
   }
-  if (scale == 0.0) { return; }  // a point mass
+  const double point = 1e-9;  // [m]
+  if (scale <= detail::to_double(body.mass) * point * point) { return; }  // a point mass, but for roundings
   for (Index k = 0; k < 9; ++k) { inertia(k) /= scale; }
   for (Index k = 0; k < 3; ++k) { asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k))); }
   const double slack = 1e-6;

@@ -50,17 +50,22 @@ UrdfRobot<Scalar> parse_urdf(const std::string& text, const UrdfOptions<Scalar>&
     }
     file::straighten(document);
     const file::Source source = file::survey(*root, name);
-    std::map<std::string, UrdfMotor<Scalar>> motors = options.motors;
-    if (options.transmissions) {
-      for (const auto& [joint, read] : file::read_transmissions(*root, source)) {
-        UrdfMotor<Scalar> motor{Scalar(read.ratio), Scalar(read.rotor_inertia)};
-        if (read.rotor_axis) { motor.axis = read.rotor_axis->template cast<Scalar>(); }
-        motors.emplace(joint, motor);
-      }
-    }
     UrdfRobot<Scalar> robot;
+    std::map<std::string, file::Transmission> transmissions;
+    if (options.transmissions) { transmissions = file::read_transmissions(*root, source, robot.warnings); }
     const auto model = file::read_model(file::text_of(document), name, robot.warnings);
     robot.name = model->getName();
+    std::map<std::string, UrdfMotor<Scalar>> motors = options.motors;
+    for (const auto& [joint, read] : transmissions) {
+      if (motors.contains(joint)) { continue; }
+      if (file::is_fixed_or_floating(*model, joint)) {
+        robot.warnings.push_back(source.joint(joint) + ": has a <transmission>, but no motor can turn it");
+        continue;
+      }
+      UrdfMotor<Scalar> motor{Scalar(read.ratio), Scalar(read.rotor_inertia)};
+      if (read.rotor_axis) { motor.axis = read.rotor_axis->template cast<Scalar>(); }
+      motors.emplace(joint, motor);
+    }
     file::Builder<Scalar>(options, source, std::move(motors)).build(*model, robot);
     return robot;
   }

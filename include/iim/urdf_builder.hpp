@@ -51,6 +51,13 @@ Body<Scalar> merged(const std::vector<Body<Scalar>>& bodies)
   return whole;
 }
 
+/// Of a joint that the model has.
+inline bool is_fixed_or_floating(const urdf::ModelInterface& model, const std::string& joint)
+{
+  const auto type = model.getJoint(joint)->type;
+  return type == urdf::Joint::FIXED || type == urdf::Joint::FLOATING;
+}
+
 /// From links and joints to parts.
 template <class Scalar>
 class Builder {
@@ -197,7 +204,7 @@ private:
     try {
       validate(body, source_.link(link));
     } catch (const ModelError& flaw) {
-      if (!(body.mass > Scalar(0))) { throw; }
+      if (!(body.mass >= Scalar(0))) { throw; }
       flaws_.emplace_back(seat.part, flaw.what());
     }
     if (seat.part >= 0) {
@@ -223,7 +230,7 @@ private:
     if (!joint) {
       throw ModelError(source_.name + ": a motor is given for joint '" + name + "', which does not exist");
     }
-    if (joint->type == urdf::Joint::FIXED || joint->type == urdf::Joint::FLOATING) {
+    if (is_fixed_or_floating(model, name)) {
       throw ModelError(source_.joint(name) + ": a motor is given for it, but it is " +
                        (joint->type == urdf::Joint::FIXED ? "fixed" : "floating"));
     }

@@ -278,15 +278,33 @@ struct Transmission {
   std::optional<Eigen::Vector3d> rotor_axis{};  ///< in joint axes
 };
 
-/// Adds the motor of one <transmission> to those by joint.
-inline void read_transmission(const Element& e, const Source& source, std::map<std::string, Transmission>& motors)
+/// Whether a <transmission>, or a joint or actuator of it, says what its rotor weighs.
+inline bool has_rotor(const Element& e)
+{
+  bool found = false;
+  for_each_child(e, nullptr, [&](const Element& child) {
+    const std::string name = plain(child.Value());
+    found |= name == "rotorinertia" || name == "rotoraxis";
+    if (name == "joint" || name == "actuator") { found |= has_rotor(child); }
+  });
+  return found;
+}
+
+/// Adds the motor of one <transmission> to those by joint. One that names no joint or several, as differentials do, is left out
+/// with a warning: its joints are driven directly.
+inline void read_transmission(const Element& e, const Source& source, std::map<std::string, Transmission>& motors,
+                              std::vector<std::string>& warnings)
 {
   const std::string where = source.at(row(e)) + "transmission '" + attribute(e, "name") + "'";
   std::vector<std::string> joints;
   for_each_child(e, "joint", [&](const Element& joint) { joints.push_back(attribute(joint, "name")); });
   if (joints.size() != 1) {
-    throw ModelError(where + ": must name one joint, names " + std::to_string(joints.size()) +
-                     " (UrdfOptions::transmissions = false leaves all of them out)");
+    const std::string names = where + ": names " + std::to_string(joints.size()) + " joints, ";
+    if (has_rotor(e)) {
+      throw ModelError(names + "but a rotor needs one (UrdfOptions::transmissions = false leaves all of them out)");
+    }
+    warnings.push_back(names + "left out");
+    return;
   }
   if (!source.joints.contains(joints[0])) { throw ModelError(where + ": there is no joint '" + joints[0] + "'"); }
 
@@ -330,10 +348,11 @@ inline void read_transmission(const Element& e, const Source& source, std::map<s
 }
 
 /// All of them, those of ros2_control among them.
-inline std::map<std::string, Transmission> read_transmissions(const Element& robot, const Source& source)
+inline std::map<std::string, Transmission> read_transmissions(const Element& robot, const Source& source,
+                                                              std::vector<std::string>& warnings)
 {
   std::map<std::string, Transmission> motors;
-  const auto read = [&](const Element& e) { read_transmission(e, source, motors); };
+  const auto read = [&](const Element& e) { read_transmission(e, source, motors, warnings); };
   for_each_child(robot, "transmission", read);
   for_each_child(robot, "ros2_control", [&](const Element& control) { for_each_child(control, "transmission", read); });
   return motors;
@@ -353,7 +372,7 @@ inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const s
   }
   for (const std::string& message : messages.texts()) { reasons += ": " + message; }
   if (!model) { throw ModelError(name + reasons); }
-  warnings = messages.texts();
+  warnings.insert(warnings.end(), messages.texts().begin(), messages.texts().end());
   return model;
 }
 

@@ -84,7 +84,8 @@ struct UrdfRobot {
   std::string name;
   StandardAssembly<Scalar> assembly;
   std::vector<UrdfJoint> joints;      ///< in the order of the coordinates
-  std::vector<std::string> warnings;  ///< of urdfdom, and inertias that no link can have but the merged body can
+  /// Of urdfdom; transmissions that are left out; inertias that no link can have but the merged body can.
+  std::vector<std::string> warnings;
 
   auto tree() const { return DynamicTree(assembly); }
 
