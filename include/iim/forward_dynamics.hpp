@@ -265,8 +265,9 @@ public:
       for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
     }
+    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::add_up_beyond};
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {
-      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_);
+      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, sum_beyond);
     });
   }
 
@@ -299,6 +300,21 @@ private:
   using Steps::ws_;
 
   Workspace& workspace() { return static_cast<Workspace&>(ws_); }
+
+  /// SumBeyond
+  static Scalar add_up_beyond(void* workspace, const Node& node)
+  {
+    Scalar sum(0);
+    if constexpr (Workspace::update == Update::projected && !bodies_first<Scalar>) {
+      Workspace& ws = *static_cast<Workspace*>(workspace);
+      for (Index i = node.index + 1; i < node.subtree_end; ++i) {
+        ws.tree().visit(i, [&]<class S>(const Node& other, const S& s) {
+          sum += share_of_sum<scene>(other, s, ws.template node<S>(other), static_cast<Data&>(ws));
+        });
+      }
+    }
+    return sum;
+  }
 };
 
 }  // namespace detail

@@ -14,8 +14,10 @@
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/turned_step.hpp>
+#include <iim/weak_pivot.hpp>
 #include <iim/workspace.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
@@ -66,7 +68,8 @@ template <Scene scene, class Scalar>
 
 /// Matrix form. receiver: the frame that takes what is handed on.
 template <Scene scene, class S, class Workspace>
-void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
+void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
+                   SumBeyond<typename S::Scalar>& sum_beyond)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
@@ -175,6 +178,10 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
 
   const bool weak = loses(D, scale);
   bool losing = weak;
+  [[maybe_unused]] bool mended = false;
+  if constexpr (mends_pivots<S, Workspace>()) {
+    if (weak) [[unlikely]] { mended = mend_pivot(node, state, spun, scale(0), sum_beyond, ws, D(0, 0), U[0]); }
+  }
   VectorI along;
   for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
   if (losing) [[unlikely]] {
@@ -184,6 +191,7 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
+  if constexpr (mends_pivots<S, Workspace>()) { sum_beyond.largest = std::max(sum_beyond.largest, state.MbarR_inv(0, 0)); }
   state.MbarR = D;
   state.psi = product(state.MbarR_inv, hq);
 #pragma GCC unroll 8
@@ -206,6 +214,9 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = A_of(k);
+    if constexpr (mends_pivots<S, Workspace>()) {
+      if (mended) [[unlikely]] { return across(A_k, unit_column(state), U[0], W[0]); }
+    }
     if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else {
@@ -293,7 +304,8 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
 
 /// Workspace: its part that depends on Scalar and update alone.
 template <Scene scene, class S, class Workspace>
-void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
+void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
+            [[maybe_unused]] SumBeyond<typename S::Scalar>& sum_beyond)
 {
   if constexpr (Workspace::update == Update::square_root) {
     if constexpr (S::n_i == 0) {
@@ -326,7 +338,7 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     } else if constexpr (is_free<S>()) {
       free_matrix_inward<scene>(node, state, ws, diagnosis);
     } else {
-      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis);
+      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis, sum_beyond);
     }
     if (turned) [[unlikely]] {
       step.leave(node.frame, node.inlet, receiver, StepData(state), ws);
