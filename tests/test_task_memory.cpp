@@ -116,4 +116,32 @@ TEST_CASE("task rows do not depend on how M̄* is reduced", "[task]")
   REQUIRE((rows.Vdot0 - other.Vdot0).norm() <= 1000 * eps * rows.Vdot0.norm());
 }
 
+TEST_CASE("a bad state leaves nothing behind in rows that are switched off", "[task]")
+{
+  const DynamicTree tree(models::biped<double>());
+  const Inputs inputs(tree);
+  VectorX<double> q = some(tree.n_q(), 0.3);
+  q.segment<4>(3).normalize();
+  const VectorX<double> qd = some(tree.n_v(), 1.2);
+  VectorX<double> bad = q;
+  bad(9) = std::numeric_limits<double>::quiet_NaN();
+
+  Tasks tasks(tree, inputs);
+  tasks.add_frame("torso");
+  const auto second = tasks.add_frame("left_toe");
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  const auto status = [&](const VectorX<double>& state) {
+    const auto fd = forward_dynamics(state, qd, ws);
+    return tasks(fd, method(fd)).status;
+  };
+  REQUIRE(status(bad) == Status::invalid_state);
+  tasks.set_active(second, false);
+  REQUIRE(status(q) == Status::ok);
+  REQUIRE(status(bad) == Status::invalid_state);
+  REQUIRE(status(q) == Status::ok);
+  tasks.set_active(second, true);
+  REQUIRE(status(q) == Status::ok);
+}
+
 }  // namespace test_task_memory

@@ -342,7 +342,7 @@ private:
 
   TaskRows<Scalar> checked(Index m)
   {
-    const bool finite = detail::all_finite(J_) && detail::all_finite(JB_.leftCols(m)) &&
+    const bool finite = detail::all_finite(J_) && detail::all_finite(JB_.topLeftCorner(rows_, m)) &&
                         detail::all_finite(Jdot_qd_.head(rows_)) && detail::all_finite(Vdot0_.head(rows_));
     return result(m, finite ? Status::ok : Status::not_finite, -1);
   }
