@@ -140,12 +140,12 @@ protected:
     const Scalar* const inlet = H_.data() + step.inlet;
     std::array<Scalar*, S::n_frames> frames{H_.data() + step.frame};
     for (int k = 1; k < S::n_frames; ++k) { frames[at(k)] = H(node.frame + k); }
-    for (Index a = 0; a < needed + own; a += lanes) {
+    const auto columns = [&]<bool ancestors, bool others>(Index a) __attribute__((always_inline)) {
       std::array<Lanes, n_i> l;
       l.fill(Lanes::Zero());
-      if (n_i == 1 && a >= own_from) {
+      if (others && n_i == 1 && a >= own_from) {
         place(state.MbarR_inv_root(0, 0), node.path_v - a, l[0]);
-      } else if (a >= own_from) {  // 2 % of several states
+      } else if (others && a >= own_from) {  // 2 % of several states
         for (Index e = std::max<Index>(0, a - node.path_v); e < std::min(own, a + lanes - node.path_v); ++e) {
           for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) {
             place(state.MbarR_inv_root(d, e), node.path_v + e - a, l[at(d)]);
@@ -157,7 +157,7 @@ protected:
       [[maybe_unused]] Lanes slip = Lanes::Zero();
       std::array<Lanes, 6> y;
       y.fill(Lanes::Zero());
-      if (a < needed) {
+      if (ancestors && a < needed) {
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + components * a + c * lanes); }
         move_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
@@ -179,7 +179,7 @@ protected:
         l[0] -= undone;
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
-      if (!step.hands_on) { continue; }
+      if (!step.hands_on) { return; }
       if constexpr (free_root) {
         std::array<Lanes, components> h;
         h.fill(Lanes::Zero());
@@ -188,7 +188,7 @@ protected:
           for (int c = 0; c < components; ++c) { place(G[at(c)](e), node.path_v + e - a, h[at(c)]); }
         }
         for (int c = 0; c < components; ++c) { store(frames[0] + components * a + c * lanes, h[at(c)]); }
-        continue;
+        return;
       }
       for (int k = 0; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) {
@@ -199,6 +199,12 @@ protected:
           store(frames[at(k)] + components * a + c * lanes, h);
         }
       }
+    };
+    if constexpr (lanes == 1) {  // each by itself: 9 % fewer instructions for step 2 of eight bipeds
+      for (Index a = 0; a < needed; ++a) { columns.template operator()<true, false>(a); }
+      for (Index a = needed; a < needed + own; ++a) { columns.template operator()<false, true>(a); }
+    } else {
+      for (Index a = 0; a < needed + own; a += lanes) { columns.template operator()<true, true>(a); }
     }
   }
 
