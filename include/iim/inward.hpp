@@ -180,7 +180,16 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   bool losing = weak;
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
-    if (weak) [[unlikely]] { mended = mend_pivot(node, state, spun, scale(0), sum_beyond, ws, D(0, 0), U[0]); }
+    if (weak) [[unlikely]] {
+      const Scalar pivot = mended_pivot(node, state, spun, scale(0), sum_beyond, ws, D(0, 0));
+      mended = ScalarTraits<Scalar>::is_positive(pivot);
+      if (mended) {  // and U with it: Sᵀ U = D
+        D(0, 0) = pivot;
+        Triple<Scalar>& part = pattern.angular ? U[0].angular : U[0].linear;
+        const Triple<Scalar> along(state.S_k[0].data() + (pattern.angular ? 3 : 0));
+        part += along * (pivot - dot(along, part));
+      }
+    }
   }
   VectorI along;
   for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
@@ -211,12 +220,17 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   }
   if (node.inlet < 0) { return; }
 
+  if constexpr (mends_pivots<S, Workspace>()) {
+    if (mended) [[unlikely]] {  // A S = 0 from here on: `projected` leaves it as it is
+      const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+      carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]), TriplePair<Scalar>(W[0]));
+      U_k[0][0] = {zero, zero};
+    }
+  }
+
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = A_of(k);
-    if constexpr (mends_pivots<S, Workspace>()) {
-      if (mended) [[unlikely]] { return across(A_k, unit_column(state), U[0], W[0]); }
-    }
     if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else {

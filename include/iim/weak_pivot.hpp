@@ -122,37 +122,34 @@ Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
   return column;
 }
 
-/// D, and U with Sᵀ U = D, of a pivot that is small against `scale`, if it is one of those above. Returns whether.
+/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. (By value: what a function that is not
+/// inlined may write to would not stay in registers.)
 template <class S, class Data>
-[[gnu::noinline]] bool mend_pivot(const Node& node, const NodeState<S>& state,
+[[gnu::noinline]] typename S::Scalar mended_pivot(const Node& node, const NodeState<S>& state,
                                   const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun,
-                                  const typename S::Scalar& scale, const SumBeyond<typename S::Scalar>& sum_beyond, Data& ws,
-                                  typename S::Scalar& D, TriplePair<typename S::Scalar>& U)
+                                  const typename S::Scalar scale, const SumBeyond<typename S::Scalar>& sum_beyond, Data& ws,
+                                  const typename S::Scalar D)
 {
   using Scalar = typename S::Scalar;
   constexpr Index most_subsystems = 32;  // what is summed takes as long as the step of one joint for every two
   const Scalar least(1.0 / 512);         // of scale
   const Index beyond = node.subtree_end - node.index - 1;
   FrameState<Scalar>& f = ws.frame(node.frame);
-  if (beyond == 0 || beyond > most_subsystems || f.loses || ws.axes().of(node.frame) != nullptr) { return false; }
-  if (!ScalarTraits<Scalar>::is_positive(D - least * scale)) { return false; }
+  if (beyond == 0 || beyond > most_subsystems || f.loses || ws.axes().of(node.frame) != nullptr) { return Scalar(0); }
+  if (!ScalarTraits<Scalar>::is_positive(D - least * scale)) { return Scalar(0); }
   // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
-  if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * sum_beyond.largest)) { return false; }
+  if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * sum_beyond.largest)) { return Scalar(0); }
   for (const SpunRotor<S>& rotor : spun) {  // A' S = 0 is for joints without inertia of their own
-    if (!(rotor.J == Scalar(0))) { return false; }
+    if (!(rotor.J == Scalar(0))) { return Scalar(0); }
   }
-  const Vector6<Scalar> S_i = unit_column(state);
-  f.Vdot = S_i;
-  D = state.own.D + sum_beyond(node);
-  const TriplePair<Scalar> along(S_i.data());
-  U += along * (D - dot(along, U));
-  return true;
+  f.Vdot = unit_column(state);
+  return state.own.D + sum_beyond(node);
 }
 
 /// A' of such a pivot.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> across(const SpatialInertia<Scalar>& A, const Vector6<Scalar>& S,
-                                                const TriplePair<Scalar>& U, const TriplePair<Scalar>& W)
+[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S, TriplePair<Scalar> U,
+                                                TriplePair<Scalar> W)
 {
   Matrix6<Scalar> T = A.dense();
   for (int j = 0; j < 6; ++j) {
