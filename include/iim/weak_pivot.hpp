@@ -102,12 +102,13 @@ typename S::Scalar share_of_sum(const Node& node, const S& s, const NodeState<S>
   }
 }
 
-/// Whether the steps of S do so: of a joint that moves one frame along one unit column, turning it or sliding.
+/// Whether the steps of S do so: of a joint that moves one frame along one unit column, turning it or sliding, without springs of
+/// its own (an implicit step adds their inertia to D).
 template <class S, class Data>
 constexpr bool mends_pivots()
 {
   if constexpr (Data::update == Update::projected && !bodies_first<typename S::Scalar>) {
-    return has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
+    return has_own_twist<S>() && spring_count<S>() == 0 && S::pattern.linear != S::pattern.angular;
   }
   return false;
 }
