@@ -43,6 +43,9 @@ struct Body {
   }
 
   bool is_massless = false;  ///< set by massless()
+  /// Lets a principal moment exceed the sum of the other two, which that of no body does but many a robot's file says: M stays
+  /// positive definite. Where the smallest moment is zero then, q̈₀ in square-root form ends with a status while the body turns.
+  bool any_moments = false;
 
   /// The same body in the axes of an outer frame.
   Body placed(const Placement<Scalar>& at) const
@@ -60,7 +63,7 @@ struct Body {
   template <class T>
   Body<T> cast() const
   {
-    return {T(mass), com.template cast<T>(), inertia.template cast<T>(), is_massless};
+    return {T(mass), com.template cast<T>(), inertia.template cast<T>(), is_massless, any_moments};
   }
 };
 
@@ -161,7 +164,7 @@ inline bool is_definite(double shift, double factor, Eigen::Matrix3d I)
 }  // namespace detail
 
 /// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric, without
-/// a negative principal moment, and no principal moment larger than the sum of the others.
+/// a negative principal moment, and no principal moment larger than the sum of the others (but for Body::any_moments).
 template <class Scalar>
 [[gnu::cold]] void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 {
@@ -178,7 +181,7 @@ template <class Scalar>
     inertia(k) = detail::to_double(I(k));
     scale = std::max(scale, std::abs(inertia(k)));
   }
-  const double point = 1e-9;  // [m]
+  const double point = 1e-8;  // [m]
   if (scale <= detail::to_double(body.mass) * point * point) { return; }  // a point mass, but for roundings
   for (Index k = 0; k < 9; ++k) { inertia(k) /= scale; }
   for (Index k = 0; k < 3; ++k) { asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k))); }
@@ -187,6 +190,7 @@ template <class Scalar>
   if (!detail::is_definite(slack, 1, inertia)) {
     throw ModelError(owner + ": inertia has a negative principal moment" + moments);
   }
+  if (body.any_moments) { return; }
   const double sum = inertia(0, 0) + inertia(1, 1) + inertia(2, 2);
   if (!detail::is_definite((1 + slack) * sum + slack, -(2 + slack), inertia)) {
     throw ModelError(owner + ": one principal moment of inertia exceeds the sum of the other two" + moments);

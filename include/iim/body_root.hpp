@@ -5,6 +5,7 @@
 #include <iim/spatial.hpp>
 
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace iim::detail {
@@ -85,6 +86,9 @@ struct BodyRoot {
         root_moment(k) = sqrt(moment(k));
         gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
         ++rows;
+      } else if (moment((k + 1) % 3) - moment((k + 2) % 3) > Scalar(1e-5) * moment(0) ||
+                 moment((k + 2) % 3) - moment((k + 1) % 3) > Scalar(1e-5) * moment(0)) {
+        gyration(0) = std::numeric_limits<Scalar>::quiet_NaN();  // Body::any_moments: no row can hold the moment that it needs to turn
       }
     }
   }

@@ -159,10 +159,13 @@ template <bool velocity, Along along, class Scalar>
   row[2] << zero, zero, m, m * s(1), -m * s(0), zero, -m * centripetal(2), v(2);
   Matrix3<Scalar> p;
   multiply(R, body.axes, p);
-  Vector3<Scalar> spin(zero, zero, zero);  // ω in principal axes
+  Vector3<Scalar> gyro(zero, zero, zero);  // moments that the body's turning needs, over √θ_k
   if constexpr (velocity) {
+    Vector3<Scalar> spin;  // ω in principal axes
 #pragma GCC unroll 8
     for (int k = 0; k < 3; ++k) { spin(k) = p(0, k) * omega(0) + p(1, k) * omega(1) + p(2, k) * omega(2); }
+#pragma GCC unroll 8
+    for (int k = 0; k < 3; ++k) { gyro(k) = -body.gyration(k) * spin((k + 1) % 3) * spin((k + 2) % 3); }
   }
 #pragma GCC unroll 8
   for (int k = 0; k < 3; ++k) {  // rows of no moment, the last, do not count
@@ -174,8 +177,7 @@ template <bool velocity, Along along, class Scalar>
       turn = t * (p(0, k) * S(3) + p(1, k) * S(4) + p(2, k) * S(5));
       scale += t * (abs(p(0, k) * S(3)) + abs(p(1, k) * S(4)) + abs(p(2, k) * S(5)));
     }
-    row[k + 3] << zero, zero, zero, t * p(0, k), t * p(1, k), t * p(2, k),
-        -body.gyration(k) * spin((k + 1) % 3) * spin((k + 2) % 3), turn;
+    row[k + 3] << zero, zero, zero, t * p(0, k), t * p(1, k), t * p(2, k), gyro(k), turn;
   }
 }
 

@@ -47,6 +47,7 @@ Body<Scalar> merged(const std::vector<Body<Scalar>>& bodies)
   for (const Body<Scalar>& body : bodies) {
     const Matrix3<Scalar> d = skew<Scalar>(body.com - whole.com);
     whole.inertia += body.inertia - body.mass * (d * d);
+    whole.any_moments |= body.any_moments;
   }
   return whole;
 }
@@ -198,7 +199,8 @@ private:
     return length > Scalar(0.999) && length < Scalar(1.001) ? Vector3<Scalar>(axis / length) : axis;
   }
 
-  /// A flawed inertia is forgiven where the merged body is sound, as it is in many files: a small link on a large one.
+  /// A flawed inertia is forgiven where the merged body is sound, as it is in many files, a small link being on a large one; and
+  /// where no principal moment of it is negative.
   void take(Body<Scalar>& body, const urdf::Inertial& given, const std::string& link, const Seat& seat)
   {
     try {
@@ -212,15 +214,26 @@ private:
     }
   }
 
-  void check_inertias(std::vector<std::string>& warnings) const
+  void check_inertias(std::vector<std::string>& warnings)
   {
     for (const auto& [part, flaw] : flaws_) {
-      try {
-        if (part >= 0) { validate(merged(parts_[at(part)].bodies), ""); }
-      } catch (const ModelError&) {
-        throw ModelError(flaw);
-      }
       warnings.push_back(flaw);
+      if (part < 0) { continue; }
+      Body<Scalar> whole = merged(parts_[at(part)].bodies);
+      if (is_sound(whole)) { continue; }
+      whole.any_moments = true;
+      if (!is_sound(whole)) { throw ModelError(flaw); }
+      parts_[at(part)].bodies = {whole};
+    }
+  }
+
+  static bool is_sound(const Body<Scalar>& body)
+  {
+    try {
+      validate(body, "");
+      return true;
+    } catch (const ModelError&) {
+      return false;
     }
   }
 

@@ -290,8 +290,8 @@ inline bool has_rotor(const Element& e)
   return found;
 }
 
-/// Adds the motor of one <transmission> to those by joint. One that names no joint or several, as differentials do, is left out
-/// with a warning: its joints are driven directly.
+/// Adds the motor of one <transmission> to those by joint. One that names no joint of the robot or several, as differentials do, is
+/// left out with a warning: its joints are driven directly.
 inline void read_transmission(const Element& e, const Source& source, std::map<std::string, Transmission>& motors,
                               std::vector<std::string>& warnings)
 {
@@ -306,7 +306,12 @@ inline void read_transmission(const Element& e, const Source& source, std::map<s
     warnings.push_back(names + "left out");
     return;
   }
-  if (!source.joints.contains(joints[0])) { throw ModelError(where + ": there is no joint '" + joints[0] + "'"); }
+  if (!source.joints.contains(joints[0])) {  // as in files cut from that of a larger robot
+    const std::string absent = where + ": there is no joint '" + joints[0] + "'";
+    if (has_rotor(e)) { throw ModelError(absent); }
+    warnings.push_back(absent + ", left out");
+    return;
+  }
 
   Transmission motor;
   std::map<std::string, std::vector<double>> given;

@@ -84,7 +84,8 @@ struct UrdfRobot {
   std::string name;
   StandardAssembly<Scalar> assembly;
   std::vector<UrdfJoint> joints;      ///< in the order of the coordinates
-  /// Of urdfdom; transmissions that are left out; inertias that no link can have but the merged body can.
+  /// Of urdfdom; transmissions that are left out; inertias that no link can have, where the merged body can or where no principal
+  /// moment is negative (Body::any_moments): they are kept as they are.
   std::vector<std::string> warnings;
 
   auto tree() const { return DynamicTree(assembly); }

@@ -1,0 +1,94 @@
+// PROGRAM: tests_parallel
+// Inertias that no body can have but a file can give (Body::any_moments): a principal moment above the sum of the other two.
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <iim/global_inverse.hpp>
+#include <iim/iim.hpp>
+
+#include <limits>
+#include <utility>
+
+namespace test_any_moments {
+
+using namespace iim;
+using test::Vec3;
+
+namespace {
+
+using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>>;
+using Tree = decltype(DynamicTree(std::declval<const Parts&>()));
+
+/// A free base and two links; `moments` are those of the base and of the last link, turned out of their axes.
+Parts robot(const Vec3& moments)
+{
+  Body<double> sound{2, {0.1, -0.2, 0.05}, Vec3(0.02, 0.03, 0.04).asDiagonal()};
+  Body<double> odd = sound;
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(0.7, Vec3(1, 2, -2) / 3).toRotationMatrix();
+  odd.inertia = R * moments.asDiagonal() * R.transpose();
+  odd.inertia = (0.5 * (odd.inertia + odd.inertia.transpose())).eval();
+  odd.any_moments = true;
+  Parts parts;
+  parts.add("base", {}, FloatingBase<double>{odd});
+  parts.add("arm", {"base", Eigen::Matrix3d::Identity(), {0.2, 0, 0}}, RevoluteLink<double>{{Vec3::UnitX()}, sound});
+  parts.add("hand", {"arm", Eigen::Matrix3d::Identity(), {0, 0.3, 0}}, RevoluteLink<double>{{Vec3::UnitZ()}, odd});
+  return parts;
+}
+
+template <Update update, Scene scene = Scene{}>
+Status check_against_global_inverse(const Tree& tree, const test::RandomState& state)
+{
+  Inputs<Tree> inputs(tree);
+  inputs.add_force("hand", {0.1, 0, 0});
+  Workspace<Tree> dense_workspace(tree);
+  GlobalInverse<Tree, Factorization::branch_sparse, scene> dense(tree, inputs);
+  const auto expected = dense(forward_dynamics<scene>(state.q, state.qd, dense_workspace));
+  REQUIRE(expected.ok());
+  Workspace<Tree, update> ws(tree);
+  ImplicitInversion<Tree> method(tree, inputs);
+  const auto result = method(forward_dynamics<scene>(state.q, state.qd, ws));
+  if (result.ok()) {
+    CHECK((result.qdd0 - expected.qdd0).norm() <= 1e-11 * expected.qdd0.norm());
+    CHECK((result.Bhat - expected.Bhat).norm() <= 1e-11 * expected.Bhat.norm());
+  }
+  return result.status;
+}
+
+}  // namespace
+
+TEST_CASE("a moment above the sum of the others: refused unless the body says so, then exact in every form")
+{
+  Parts refused = robot({0.01, 0.02, 0.2});
+  Body<double> body{1, {0, 0, 0}, Vec3(0.01, 0.02, 0.2).asDiagonal()};
+  refused.add("lid", {"hand"}, RevoluteLink<double>{{Vec3::UnitX()}, body});
+  CHECK_THROWS_WITH(Tree(refused), Catch::Matchers::ContainsSubstring("'lid'") && Catch::Matchers::ContainsSubstring("sum"));
+
+  const Tree tree(robot({0.01, 0.02, 0.2}));
+  test::Random random(7);
+  for (int k = 0; k < 20; ++k) {
+    const test::RandomState state = test::random_state(tree, 0, random);
+    CHECK(check_against_global_inverse<Update::projected>(tree, state) == Status::ok);
+    CHECK(check_against_global_inverse<Update::printed>(tree, state) == Status::ok);
+    CHECK(check_against_global_inverse<Update::square_root>(tree, state) == Status::ok);
+  }
+}
+
+TEST_CASE("two moments zero and the third not: a status in square-root form while the body turns, else exact")
+{
+  const Tree tree(robot({0, 0, 0.2}));
+  test::Random random(8);
+  for (int k = 0; k < 20; ++k) {
+    const test::RandomState state = test::random_state(tree, 0, random);
+    CHECK(check_against_global_inverse<Update::projected>(tree, state) == Status::ok);
+    CHECK(check_against_global_inverse<Update::square_root>(tree, state) == Status::not_finite);
+    constexpr Scene at_rest{.velocity = false};
+    CHECK(check_against_global_inverse<Update::square_root, at_rest>(tree, state) == Status::ok);
+  }
+}
+
+TEST_CASE("a negative moment is refused all the same")
+{
+  CHECK_THROWS_WITH(Tree(robot({-0.01, 0.02, 0.2})), Catch::Matchers::ContainsSubstring("negative principal moment"));
+}
+
+}  // namespace test_any_moments
