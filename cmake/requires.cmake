@@ -3,6 +3,7 @@
 #   // REQUIRES: boost json      optional packages that it needs; the file is left out where one is absent
 #   // OPTIONAL: pinocchio        packages that it uses where they are there: then IIM_WITH_PINOCCHIO is defined
 #   // LABELS: slow              ctest labels
+#   // ASSERTIONS: off          (tests) compiled without them
 #   // PROGRAM: NAME             (bench) the program whose main() stands in this file; (tests) that it is compiled into
 #   // PART OF: NAME             (bench) a further source file of that program
 include_guard(GLOBAL)

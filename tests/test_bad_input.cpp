@@ -104,9 +104,12 @@ TEST_CASE("topology", "[bad input]")
   check_names(message_of([] { Robot().add("world", on("world"), link()); }), "'world'");
   check_names(message_of([] { Robot().add("", on("world"), link()); }), "''");
   check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("b"))), "'tip'", "'b'", "does not exist");
-  // A frame is no part to hang on.
-  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", on("tip"), link())), "'b'",
-              "'tip'");
+  CHECK(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", on("tip"), link())) == "no error");
+  check_names(message(Robot().add("b", on("tip"), link()).add_frame("tip", on("top")).add_frame("top", on("tip"))), "'b'", "loop of frames");
+  check_names(message(Robot().add("a", on("tip"), link()).add_frame("tip", on("a"))), "'a'", "loop");
+  third.outlet = 1;
+  third.parent = "tip";
+  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", third, link())), "'b'", "'tip'", "has 1");
 }
 
 TEST_CASE("couplings", "[bad input]")

@@ -141,4 +141,30 @@ TEST_CASE("a method follows inputs that others are assigned to, however often ei
   CHECK((without_second.rightCols(3) - Bhat.rightCols(3)).norm() <= 64 * eps * Bhat.norm());
 }
 
+TEST_CASE("a part, and a frame, on a named frame", "[inputs]")
+{
+  test::Random draw(5);
+  const Placement<double> wrist{draw.rotation(), draw.vector(1)}, tip{draw.rotation(), draw.vector(1)};
+  const Placement<double> at{draw.rotation(), draw.vector(1)}, whole = wrist * tip * at;
+  const RevoluteLink<double> arm{{draw.unit()}, draw.body()}, hand{{draw.unit()}, draw.body()};
+  StandardAssembly<double> by_name, direct;
+  by_name.add("hand", {"tip", at.R, at.p}, hand).add_frame("tip", {"wrist", tip.R, tip.p});
+  by_name.add("arm", {"post"}, arm).add_frame("wrist", {"arm", wrist.R, wrist.p}).add_frame("post", {"world", at.R, at.p});
+  direct.add("arm", {"world", at.R, at.p}, arm).add("hand", {"arm", whole.R, whole.p}, hand);
+  const Tree tree(by_name), expected(direct);
+  REQUIRE(tree.size() == 2);
+  CHECK(tree.node(1).parent == 0);
+  CHECK(tree.placement(0).p == at.p);
+  CHECK((tree.placement(1).p - whole.p).norm() < 4 * eps);
+  CHECK((tree.placement(1).R - whole.R).norm() < 4 * eps);
+  CHECK(tree.frame("tip").frame == tree.frame("arm").frame);
+  CHECK((tree.frame("tip").at.p - (wrist * tip).p).norm() < 4 * eps);
+  CHECK(tree.frame("post").frame == -1);
+  const test::RandomState state = test::random_state(tree, 0, draw);
+  Workspace ws(tree), expected_ws(expected);
+  const auto fd = forward_dynamics(state.q, state.qd, ws), expected_fd = forward_dynamics(state.q, state.qd, expected_ws);
+  REQUIRE(fd.ok());
+  CHECK((fd.qdd0() - expected_fd.qdd0()).norm() < 256 * eps * expected_fd.qdd0().norm());
+}
+
 }  // namespace test_inputs

@@ -7,6 +7,7 @@
 #include <iim/iim.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -217,6 +218,48 @@ TEST_CASE("a free base within a tree hands on nothing from its thin limb's axes"
     const auto a = Bhat<double, Update::projected>(assembly, state);
     const auto b = Bhat<long double, Update::square_root>(assembly.cast<long double>(), state);
     CHECK((a - b).norm() <= 64 * std::numeric_limits<double>::epsilon() * b.norm());
+  }
+}
+
+TEST_CASE("a load on a FixedLink far out along a joint's axis: as if it were part of the link")
+{
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    CAPTURE(seed);
+    test::Random random(seed);
+    using Loaded = Assembly<RevoluteLink<double>, MotorArm<double>, FloatingBase<double>, FixedLink<double>>;
+    const test::Vec3 axis = random.axis();
+    RevoluteLink<double> link{{axis}, random.body()};
+    RevoluteLink<double> whole = link;
+    const Placement<double> held{random.rotation(), 0.2 * axis}, out{random.rotation(), 100 * axis};
+    const Placement<double> at = held * out;
+    FixedLink<double> hand{{}, random.body()}, load{{}, {}};
+    hand.body.com = held.R.transpose() * axis;
+    load.body.mass = 1e4;
+    load.body.inertia = (test::Vec3(1, 2, 2) * 1e-3).asDiagonal();
+    whole.body.add(hand.body.placed(held));
+    whole.body.add(load.body.placed(at));
+    Loaded parts, one;
+    parts.add("link", {}, link).add("hand", {"link", held.R, held.p}, hand).add("load", {"hand", out.R, out.p}, load);
+    one.add("link", {}, whole);
+    const DynamicTree tree(parts), single(one);
+    CHECK(!tree.frame_mass(1).present);
+    CHECK(!tree.frame_mass(2).present);
+    const test::RandomState state = test::random_state(single, 0, random);
+    Workspace ws(tree), single_ws(single);
+    const auto fd = forward_dynamics(state.q, state.qd, ws), expected = forward_dynamics(state.q, state.qd, single_ws);
+    REQUIRE(fd.ok());
+    CHECK(std::abs(fd.qdd0()(0) - expected.qdd0()(0)) <= 8 * std::numeric_limits<double>::epsilon() * std::abs(expected.qdd0()(0)));
+    // the inertia about the axis, from the bodies' own: the load's is 10⁻⁸ of what its distance makes of it across the axis
+    const auto about = [&](const Body<double>& b, const Placement<double>& p) -> double {
+      const test::Vec3 a = p.R.transpose() * axis, r = p.R * b.com + p.p;
+      return a.dot(b.inertia * a) + b.mass * axis.cross(r).squaredNorm();
+    };
+    const double inertia = about(link.body, {}) + about(hand.body, held) + about(load.body, at);
+    Inputs inputs(tree);
+    ImplicitInversion method(tree, inputs);
+    const auto result = method(state.q, state.qd, ws);
+    REQUIRE(result.ok());
+    CHECK(std::abs(result.Bhat(0, 0) * inertia - 1) < 64 * std::numeric_limits<double>::epsilon());
   }
 }
 

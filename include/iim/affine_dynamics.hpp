@@ -6,6 +6,7 @@
 #include <iim/spatial.hpp>
 
 #include <algorithm>
+#include <cassert>
 #include <concepts>
 #include <limits>
 #include <type_traits>
@@ -63,7 +64,7 @@ template <class Scalar>
 class ResultMemory {
 public:
   ResultMemory(Index n_v, Index max_columns)
-      : stride_(column_stride<Scalar>(n_v)), qdd0_(n_v), Bhat_(stride_ * max_columns)
+      : stride_(column_stride<Scalar>(n_v)), max_columns_(max_columns), qdd0_(n_v), Bhat_(stride_ * max_columns)
   {
     Bhat_.setZero();  // what stands between columns stays so, for methods that work on whole registers
   }
@@ -75,9 +76,19 @@ public:
   }
   VectorX<Scalar>& qdd0() { return qdd0_; }
 
+  /// `status`, or Status::mismatch if there is no room for all of these inputs.
+  template <class Inputs>
+  Status status_on(const Inputs& inputs, Status status) const
+  {
+    const bool fits = inputs.max_columns() == max_columns_;
+    assert(fits && "inputs were added after the method was made");
+    return fits ? status : Status::mismatch;
+  }
+
   AffineDynamics<Scalar> result(Index columns, Status status, Index subsystem)
   {
     if (status != Status::ok) {
+      columns = std::min(columns, max_columns_);  // what a mismatch leaves
       qdd0_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       Bhat(columns).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
     }
@@ -87,6 +98,7 @@ public:
 
 private:
   Index stride_;
+  Index max_columns_;
   VectorX<Scalar> qdd0_;
   VectorX<Scalar> Bhat_;
 };

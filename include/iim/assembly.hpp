@@ -6,19 +6,23 @@
 #include <iim/subsystem.hpp>
 
 #include <algorithm>
+#include <concepts>
+#include <cstddef>
 #include <limits>
 #include <map>
 #include <string>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 namespace iim {
 
-/// Where a part hangs: on a frame of another part, or on the world.
+/// Where a part hangs: on a frame of another part, on a named frame, or on the world.
 template <class Scalar>
 struct Attachment {
-  std::string parent = "world";
+  std::string parent = "world";  ///< name of a part or of a frame (Assembly::add_frame)
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of the coupling point in the parent's frame
   Vector3<Scalar> p = Vector3<Scalar>::Zero();      ///< coupling point in the parent's frame [m]
   int outlet = 0;                                   ///< which of the parent's frames, for parts that have several
@@ -96,7 +100,23 @@ public:
     return other;
   }
 
-  /// Parts depth first, each checked and prepared. Throws ModelError for a parent that does not exist, a loop, an
+  /// The same place, given on a part or on the world. Throws ModelError if frames hang on each other in a loop, or on what there is
+  /// not.
+  [[gnu::cold]] Attachment<Scalar> on_part(const std::string& name, Attachment<Scalar> on) const
+  {
+    check_attachment(name, on);
+    for (std::size_t k = 0; k <= named_frames_.size(); ++k) {
+      const auto frame = std::find_if(named_frames_.begin(), named_frames_.end(),
+                                      [&](const NamedFrame& f) { return f.name == on.parent; });
+      if (frame == named_frames_.end()) { return on; }
+      check_attachment(frame->name, frame->on);
+      const Placement<Scalar> at = Placement<Scalar>{frame->on.R, frame->on.p} * Placement<Scalar>{on.R, on.p};
+      on = {frame->on.parent, at.R, at.p, frame->on.outlet};
+    }
+    throw ModelError("'" + name + "' hangs on a loop of frames");
+  }
+
+  /// Parts depth first, each checked and prepared, and on parts, with the bodies of FixedLinks in what carries them. Throws ModelError for a parent that does not exist, a loop, an
   /// outlet that the parent does not have, a coupling that is no rotation, wrong parameters, or an empty assembly.
   [[gnu::cold]] std::vector<NamedPart> sorted() const
   {
@@ -106,13 +126,13 @@ public:
 
     std::vector<std::vector<int>> children(parts_.size());
     std::vector<int> roots;
+    std::vector<Attachment<Scalar>> on;
     for (int k = 0; k < size(); ++k) {
-      const NamedPart& part = parts_[at(k)];
-      check_attachment(part.name, part.on);
-      if (part.on.parent == "world") {
+      on.push_back(on_part(parts_[at(k)].name, parts_[at(k)].on));
+      if (on.back().parent == "world") {
         roots.push_back(k);
       } else {
-        children[at(index.at(part.on.parent))].push_back(k);
+        children[at(index.at(on.back().parent))].push_back(k);
       }
     }
 
@@ -124,8 +144,7 @@ public:
       const auto [k, parent] = stack.back();
       stack.pop_back();
       reached[at(k)] = 1;
-      order.push_back(parts_[at(k)]);
-      order.back().parent = parent;
+      order.push_back({parts_[at(k)].name, on[at(k)], parts_[at(k)].part, parent});
       std::visit([&](auto& s) { s.prepare("subsystem '" + order.back().name + "'"); }, order.back().part);
       const int self = static_cast<int>(order.size()) - 1;
       for (auto c = children[at(k)].rbegin(); c != children[at(k)].rend(); ++c) { stack.emplace_back(*c, self); }
@@ -135,13 +154,35 @@ public:
         throw ModelError("subsystem '" + parts_[at(k)].name + "' hangs on a loop: its parents never reach the world");
       }
     }
-    for (const NamedFrame& frame : named_frames_) { check_attachment(frame.name, frame.on); }
+    put_fixed_bodies_into_carriers(order);
     return order;
   }
 
 private:
   static std::size_t at(int k) { return static_cast<std::size_t>(k); }
   int size() const { return static_cast<int>(parts_.size()); }
+
+  /// Those of fixed links, tips first, as fixed links hang on each other.
+  [[gnu::cold]] static void put_fixed_bodies_into_carriers(std::vector<NamedPart>& order)
+  {
+    for (auto part = order.rbegin(); part != order.rend(); ++part) {
+      if (part->parent < 0) { continue; }
+      std::visit(
+          [&]<class Link>(Link& link) {
+            if constexpr (detail::is_fixed<Link>()) {
+              std::visit(
+                  [&]<class Carrier>(Carrier& carrier) {
+                    if constexpr (detail::takes_fixed_bodies<Carrier>()) {
+                      carrier.fixed_body().add(link.fixed_body().placed({part->on.R, part->on.p}));
+                      link.fixed_body() = Body<Scalar>::massless();
+                    }
+                  },
+                  order[at(part->parent)].part);
+            }
+          },
+          part->part);
+    }
+  }
 
   void claim(const std::string& name)
   {
@@ -152,14 +193,14 @@ private:
   [[gnu::cold]] void check_attachment(const std::string& name, const Attachment<Scalar>& on) const
   {
     if (on.parent != "world") {
-      const NamedPart* parent = nullptr;
-      for (const NamedPart& part : parts_) {
-        if (part.name == on.parent) { parent = &part; }
-      }
-      if (parent == nullptr) {
+      if (!names_.contains(on.parent)) {
         throw ModelError("'" + name + "' hangs on '" + on.parent + "', which does not exist");
       }
-      const int outlets = std::visit([](const auto& s) { return std::remove_cvref_t<decltype(s)>::n_frames; }, parent->part);
+      int outlets = 1;  // of a named frame
+      for (const NamedPart& part : parts_) {
+        if (part.name != on.parent) { continue; }
+        outlets = std::visit([](const auto& s) { return std::remove_cvref_t<decltype(s)>::n_frames; }, part.part);
+      }
       if (on.outlet < 0 || on.outlet >= outlets) {
         throw ModelError("'" + name + "' hangs on outlet " + std::to_string(on.outlet) + " of '" + on.parent +
                          "', which has " + std::to_string(outlets));

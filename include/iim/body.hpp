@@ -60,6 +60,27 @@ struct Body {
     return body;
   }
 
+  /// What the two make as one rigid body, in the same axes. Only sums of non-negative terms: a small part on a large one keeps its
+  /// digits.
+  void add(const Body& other)
+  {
+    if (other.is_massless) { return; }
+    if (is_massless) {
+      *this = other;
+      return;
+    }
+    const Scalar total = mass + other.mass;
+    Vector3<Scalar> apart;
+    for (int i = 0; i < 3; ++i) {
+      apart(i) = other.com(i) - com(i);
+      com(i) += (other.mass / total) * apart(i);
+    }
+    for (int k = 0; k < 9; ++k) { inertia.data()[k] += other.inertia.data()[k]; }
+    detail::add_point<Scalar>(mass * (other.mass / total), apart, inertia);
+    mass = total;
+    any_moments |= other.any_moments;
+  }
+
   template <class T>
   Body<T> cast() const
   {
@@ -81,22 +102,14 @@ struct FrameMass {
   void add(const Body<Scalar>& body)
   {
     if (body.is_massless) { return; }
-    if (!present) {
-      mass = body.mass;
-      com = body.com;
-      central_inertia = body.inertia;
-    } else {
-      // Only sums of non-negative terms: a small part on a large one keeps its digits.
-      const Scalar total = mass + body.mass;
-      Vector3<Scalar> apart;
-      for (int i = 0; i < 3; ++i) {
-        apart(i) = body.com(i) - com(i);
-        com(i) += (body.mass / total) * apart(i);
-      }
-      for (int k = 0; k < 9; ++k) { central_inertia.data()[k] += body.inertia.data()[k]; }
-      detail::add_point<Scalar>(mass * (body.mass / total), apart, central_inertia);
-      mass = total;
+    Body<Scalar> all = body;
+    if (present) {
+      all = {mass, com, central_inertia};
+      all.add(body);
     }
+    mass = all.mass;
+    com = all.com;
+    central_inertia = all.inertia;
     present = true;
     set_about(Vector3<Scalar>::Zero());
   }

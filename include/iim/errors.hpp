@@ -24,9 +24,13 @@ enum class Status {
   ok,
   invalid_state,           ///< q, q̇ or u not finite, or a quaternion far from unit length; see subsystem()
   not_positive_definite,   ///< M̄_R of the named subsystem is not positive definite in the Scalar's precision
-  not_finite               ///< overflow: the state was finite, a result is not
+  not_finite,              ///< overflow: the state was finite, a result is not
+  /// What does not belong together, asserted where assertions are on: an argument's size; a receipt of another robot or Scene than
+  /// the method's, or from before the workspace's last use; inputs added after the method was made.
+  mismatch
 };
 
+/// The status in words.
 inline const char* to_string(Status status)
 {
   switch (status) {
@@ -34,6 +38,7 @@ inline const char* to_string(Status status)
     case Status::invalid_state: return "invalid state";
     case Status::not_positive_definite: return "not positive definite";
     case Status::not_finite: return "not finite";
+    case Status::mismatch: return "mismatch of arguments";
   }
   return "unknown";
 }

@@ -24,6 +24,7 @@
 #include <array>
 #include <cassert>
 #include <cstddef>
+#include <limits>
 
 namespace iim {
 
@@ -44,7 +45,7 @@ public:
   const Tree& tree() const { return workspace_->tree(); }
   const Workspace& workspace() const { return *workspace_; }
 
-  /// State-dependent acceleration q̈₀ = −M⁻¹h, n_v [rad/s², m/s²]. Not to be used unless status() is ok.
+  /// State-dependent acceleration q̈₀ = −M⁻¹h, n_v [rad/s², m/s²]; NaN unless status() is ok.
   const VectorX<Scalar>& qdd0() const { return workspace_->qdd(); }
 
   /// Length of the implicit step [s]; 0 for the accelerations of this instant.
@@ -55,18 +56,33 @@ public:
 
   Status status() const { return status_; }
   bool ok() const { return status_ == Status::ok; }
+  /// status(), or Status::mismatch for a method on another robot, or once the workspace has been used again.
+  Status status_on(const detail::TreeData<Scalar>& tree) const
+  {
+    const bool is_same = tree.id() == workspace_->tree().id(), is_fresh = use_ == workspace_->uses();
+    assert(is_same && "the receipt is of another tree than the method");
+    assert(is_fresh && "the workspace has been used since the receipt");
+    return is_same && is_fresh ? status_ : Status::mismatch;
+  }
+  /// The same for a method that computes terms of the scene.
+  Status status_on(const detail::TreeData<Scalar>& tree, Scene scene) const
+  {
+    assert(scene_ == scene && "the receipt is of another Scene than the method");
+    return scene_ == scene ? status_on(tree) : Status::mismatch;
+  }
   /// Index of the subsystem that status() is about; −1 if it is about none.
   Index subsystem() const { return subsystem_; }
 
 private:
   ForwardDynamics(const Workspace& workspace, Scene scene, const Scalar& step, Status status, Index subsystem)
-      : workspace_(&workspace), scene_(scene), step_(step), status_(status), subsystem_(subsystem)
+      : workspace_(&workspace), use_(workspace.uses()), scene_(scene), step_(step), status_(status), subsystem_(subsystem)
   {
   }
   template <Scene scene, class W>
   friend class detail::ForwardPass;
 
   const Workspace* workspace_;
+  Index use_;
   Scene scene_;
   Scalar step_;
   Status status_;
@@ -76,9 +92,11 @@ private:
 /// Acceleration under given inputs, and how its computation ended.
 template <class Scalar>
 struct Acceleration {
-  const VectorX<Scalar>& qdd;  ///< n_v; lives in the workspace
+  const VectorX<Scalar>& qdd;  ///< n_v [rad/s², m/s²]; lives in the workspace. NaN unless status is ok
   Status status;
-  Index subsystem;
+  Index subsystem;  ///< that status is about; −1: none
+
+  bool ok() const { return status == Status::ok; }
 };
 
 namespace detail {
@@ -91,6 +109,7 @@ public:
 
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
+    ws_.begin_use();
     ws_.load().setZero();
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
@@ -124,6 +143,7 @@ public:
     });
   }
 
+  Diagnosis& diagnosis() { return diagnosis_; }
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 protected:
@@ -177,11 +197,14 @@ protected:
     }
   }
 
+  /// q̈ is NaN after a failure.
   void check_finite()
   {
-    if (diagnosis_.status == Status::ok && !detail::all_finite(ws_.qdd())) {
+    if (diagnosis_.status == Status::ok) {
+      if (detail::all_finite(ws_.qdd())) { return; }
       diagnosis_.fail(Status::not_finite, first_not_finite());
     }
+    ws_.qdd().setConstant(std::numeric_limits<Scalar>::quiet_NaN());
   }
 
   Data& ws_;
@@ -246,6 +269,25 @@ public:
 
   explicit ForwardPass(Workspace& ws, const Scalar& step = Scalar(0)) : Steps(ws, step) {}
 
+  /// Whether q and q̇ have the tree's sizes. If not, nothing else of the pass is to be called but its receipt.
+  template <class Q, class V>
+  bool fits(const Q& q, const V& qd)
+  {
+    const bool q_fits = q.size() == ws_.tree().n_q(), qd_fits = !scene.velocity || qd.size() == ws_.tree().n_v();
+    assert(q_fits && "q must have n_q entries");
+    assert(qd_fits && "qd must have n_v entries");
+    return q_fits && qd_fits ? true : refuse();
+  }
+  /// Whether the inputs and u have.
+  template <class InputScalar, class U>
+  bool takes(const InputBlocks<InputScalar>& inputs, const U& u)
+  {
+    const bool is_same = inputs.tree().id() == ws_.tree().id(), u_fits = u.size() == inputs.columns();
+    assert(is_same && "the inputs are those of another tree than the workspace's");
+    assert(u_fits && "u must have one entry per active column");
+    return is_same && u_fits ? true : refuse();
+  }
+
   template <class Q, class V>
   void kinematics(const Q& q, const V& qd)
   {
@@ -301,6 +343,13 @@ private:
 
   Workspace& workspace() { return static_cast<Workspace&>(ws_); }
 
+  bool refuse()
+  {
+    diagnosis_.fail(Status::mismatch, -1);
+    this->check_finite();
+    return false;
+  }
+
   /// SumBeyond
   static Scalar add_up_beyond(void* workspace, const Node& node)
   {
@@ -321,23 +370,15 @@ private:
 
 namespace detail {
 
-/// All but the last loop.
-template <Scene scene, class Workspace, class Q, class V>
-ForwardPass<scene, Workspace> begin_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
-{
-  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
-  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
-  ForwardPass<scene, Workspace> pass(workspace, step);
-  pass.kinematics(q, qd);
-  pass.inertia();
-  return pass;
-}
-
 template <Scene scene, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
 {
-  ForwardPass<scene, Workspace> pass = begin_pass<scene>(q, qd, step, workspace);
-  pass.accelerations();
+  ForwardPass<scene, Workspace> pass(workspace, step);
+  if (pass.fits(q, qd)) {
+    pass.kinematics(q, qd);
+    pass.inertia();
+    pass.accelerations();
+  }
   return pass.receipt();
 }
 
@@ -345,14 +386,13 @@ template <Scene scene, class Workspace, class Q, class V, class InputsType, clas
 Acceleration<typename Workspace::Scalar> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step,
                                                   const InputsType& inputs, const U& u, Workspace& workspace)
 {
-  assert(q.size() == workspace.tree().n_q() && "q must have n_q entries");
-  assert((!scene.velocity || qd.size() == workspace.tree().n_v()) && "qd must have n_v entries");
-  assert(u.size() == inputs.columns() && "u must have one entry per active column");
   ForwardPass<scene, Workspace> pass(workspace, step);
-  pass.kinematics(q, qd);
-  pass.apply(inputs, u);
-  pass.inertia();
-  pass.accelerations();
+  if (pass.fits(q, qd) && pass.takes(inputs, u)) {
+    pass.kinematics(q, qd);
+    pass.apply(inputs, u);
+    pass.inertia();
+    pass.accelerations();
+  }
   return pass.acceleration();
 }
 
@@ -366,8 +406,8 @@ constexpr Scene implicit(Scene scene)
 }  // namespace detail
 
 /// q̈₀ of the tree at the state (q, q̇), and in the workspace all that the input-Jacobian methods need. O(n).
-/// q, q̇: dense vectors of n_q and n_v entries (asserted). Does not allocate or throw; a state that cannot be computed
-/// comes back as a status.
+/// q, q̇: dense vectors of n_q and n_v entries. Does not allocate or throw; a state that cannot be computed comes back as a
+/// status.
 template <Scene scene = Scene{}, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> forward_dynamics(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                             Workspace& workspace)
@@ -376,7 +416,7 @@ ForwardDynamics<Workspace> forward_dynamics(const Eigen::MatrixBase<Q>& q, const
   return detail::run_pass<scene>(q.derived(), qd.derived(), typename Workspace::Scalar(0), workspace);
 }
 
-/// q̈ of the tree at the state (q, q̇) under the inputs u (as many as inputs.columns(), asserted). O(n).
+/// q̈ of the tree at the state (q, q̇) under the inputs u (as many as inputs.columns()). O(n).
 template <Scene scene = Scene{}, class Workspace, class Q, class V, class InputsType, class U>
 Acceleration<typename Workspace::Scalar> forward_dynamics(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                                           const InputsType& inputs, const Eigen::MatrixBase<U>& u,

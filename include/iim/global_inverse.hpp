@@ -36,7 +36,7 @@ public:
   GlobalInverse(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), limbs_(tree), equations_(tree, inputs),
         cholesky_(factorization == Factorization::dense ? detail::Limbs::unbranched(tree.n_v()) : limbs_),
-        max_columns_(inputs.max_columns()), X_(tree.n_v() * widest), result_(tree.n_v(), max_columns_)
+        X_(tree.n_v() * widest), result_(tree.n_v(), inputs.max_columns_on(tree))
   {
     if constexpr (factorization == Factorization::dense) {
       dense_.resize(detail::padded<Scalar>(tree.n_v()), tree.n_v());
@@ -45,25 +45,25 @@ public:
     X_.setZero();
   }
 
+  GlobalInverse(const Tree&&, const Inputs<Tree>&) = delete;
+  GlobalInverse(const Tree&, const Inputs<Tree>&&) = delete;
+
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
-  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
+  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
-    assert(fd.scene() == scene && "a GlobalInverse's Scene is that of the pass");
-    return compute(fd.workspace(), fd.status(), fd.subsystem());
+    return compute(fd.workspace(), fd.status_on(*tree_, scene), fd.subsystem());
   }
 
   /// The same without the O(n) pass; overwrites the workspace.
   template <class Q, class V, class Workspace>
     requires(!scene.implicit)
-  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace)
+  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace) &
   {
-    assert(q.size() == tree_->n_q() && "q must have n_q entries");
-    assert((!scene.velocity || qd.size() == tree_->n_v()) && "qd must have n_v entries");
-    detail::Diagnosis diagnosis;
-    workspace.load().setZero();
-    detail::kinematics<scene>(q.derived(), qd.derived(), workspace, diagnosis);
-    return compute(workspace, diagnosis.status, diagnosis.subsystem);
+    detail::ForwardPass<scene, Workspace> pass(workspace);
+    if (pass.fits(q.derived(), qd.derived())) { detail::kinematics<scene>(q.derived(), qd.derived(), workspace, pass.diagnosis()); }
+    const ForwardDynamics<Workspace> fd = pass.receipt();
+    return compute(workspace, fd.status_on(*tree_), fd.subsystem());
   }
 
 private:
@@ -74,7 +74,7 @@ private:
   {
     const detail::InputMatrix<Tree>& B = equations_.B();
     const Index m = B.inputs().columns();
-    assert(B.inputs().max_columns() == max_columns_ && "inputs were added after the method was made");
+    status = result_.status_on(B.inputs(), status);
     if (status != Status::ok) { return result_.result(m, status, subsystem); }
     equations_.compute(ws);
     if constexpr (factorization == Factorization::dense) { expand(); }
@@ -179,7 +179,6 @@ private:
   detail::Limbs limbs_;
   detail::EquationsOfMotion<Tree, scene> equations_;
   detail::BranchCholesky<Scalar> cholesky_;
-  Index max_columns_;
   MatrixX<Scalar> dense_;
   VectorX<Scalar> X_;  // n_v × width, right-hand sides side by side
   detail::ResultMemory<Scalar> result_;

@@ -97,14 +97,16 @@ public:
       : ImplicitInversion(tree, inputs, detail::product_pays_from(tree, inputs))
   {
   }
+  ImplicitInversion(const Tree&&, const Inputs<Tree>&) = delete;
+  ImplicitInversion(const Tree&, const Inputs<Tree>&&) = delete;
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
     requires std::same_as<typename Workspace::Tree, Tree>
-  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
+  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
-    check_inputs();
-    if (!fd.ok()) { return failed(fd); }
+    const Status status = result_.status_on(*inputs_, fd.status_on(inputs_->tree()));
+    if (status != Status::ok) { return result_.result(inputs_->columns(), status, fd.subsystem()); }
     auto Bhat = result_.Bhat(inputs_->columns());
     return finish(fd, use_product() ? (*product_)(fd.workspace(), Bhat) : (*sweep_)(fd.workspace(), Bhat));
   }
@@ -114,20 +116,24 @@ public:
   /// forward_dynamics.
   template <Scene scene = Scene{}, class Q, class V, class Workspace>
     requires std::same_as<typename Workspace::Tree, Tree>
-  StateDynamics<Workspace> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace)
+  StateDynamics<Workspace> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace) &
   {
     static_assert(!scene.implicit, "of an implicit step, give the receipt: it says how long the step is");
-    check_inputs();
-    auto pass = detail::begin_pass<scene>(q.derived(), qd.derived(), Scalar(0), workspace);
-    if constexpr (detail::lane_count<Scalar> > 1) {  // several states wait for nothing: one by one the loops take 2 % less
-      if (use_product()) {
-        auto Bhat = result_.Bhat(inputs_->columns());
-        const bool finite = product_->with_accelerations(pass, workspace, Bhat);
-        const auto fd = pass.receipt();
-        return {fd.ok() ? finish(fd, finite) : failed(fd), fd};
+    detail::ForwardPass<scene, Workspace> pass(workspace);
+    bool finite = false;
+    if (pass.fits(q.derived(), qd.derived())) {
+      pass.kinematics(q.derived(), qd.derived());
+      pass.inertia();
+      if constexpr (detail::lane_count<Scalar> > 1) {  // several states wait for nothing: one by one the loops take 2 % less
+        if (use_product() && result_.status_on(*inputs_, pass.receipt().status_on(inputs_->tree())) != Status::mismatch) {
+          auto Bhat = result_.Bhat(inputs_->columns());
+          finite = product_->with_accelerations(pass, workspace, Bhat);
+          const auto fd = pass.receipt();
+          return {fd.ok() ? finish(fd, finite) : result_.result(inputs_->columns(), fd.status(), fd.subsystem()), fd};
+        }
       }
+      pass.accelerations();
     }
-    pass.accelerations();
     const auto fd = pass.receipt();
     return {(*this)(fd), fd};
   }
@@ -138,25 +144,14 @@ public:
 protected:
   /// With another number of columns from which the product form is used: to measure.
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs, Index product_from)
-      : inputs_(&inputs), max_columns_(inputs.max_columns()), product_from_(product_from), result_(tree.n_v(), max_columns_)
+      : inputs_(&inputs), product_from_(product_from), result_(tree.n_v(), inputs.max_columns_on(tree))
   {
-    if (product_from_ <= max_columns_) { product_.emplace(tree, inputs); }
+    if (product_from_ <= inputs.max_columns()) { product_.emplace(tree, inputs); }
     if (product_from_ > 0) { sweep_.emplace(tree, inputs); }
   }
 
 private:
-  void check_inputs() const
-  {
-    assert(inputs_->max_columns() == max_columns_ && "inputs were added after the method was made");
-  }
-
   bool use_product() const { return inputs_->columns() >= product_from_; }
-
-  template <class Workspace>
-  AffineDynamics<Scalar> failed(const ForwardDynamics<Workspace>& fd)
-  {
-    return result_.result(inputs_->columns(), fd.status(), fd.subsystem());
-  }
 
   /// finite: whether B̂ is known to be.
   template <class Workspace>
@@ -168,7 +163,6 @@ private:
   }
 
   const Inputs<Tree>* inputs_;
-  Index max_columns_;
   Index product_from_;
   std::optional<detail::ProductForm<Tree>> product_;
   std::optional<detail::Sweeps<Tree>> sweep_;

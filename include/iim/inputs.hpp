@@ -6,6 +6,8 @@
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
 
+#include <cassert>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -110,6 +112,12 @@ public:
   Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
   Index changes() const { return changes_; }          ///< another number than before: blocks may have been switched
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
+  /// The same, for a method on `tree`. Throws ModelError if these are the inputs of another one.
+  Index max_columns_on(const TreeData<Scalar>& tree) const
+  {
+    if (tree.id() != tree_->id()) { throw ModelError("the inputs are those of another tree than the method's"); }
+    return max_columns_;
+  }
   Index blocks() const { return static_cast<Index>(blocks_.size()); }
   const Input<Scalar>& block(Id id) const { return blocks_[static_cast<std::size_t>(id)]; }
 
@@ -196,7 +204,7 @@ private:
 }  // namespace detail
 
 /// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
-/// does neither. Columns of inactive blocks do not exist: those after them move up.
+/// does neither. Columns of inactive blocks do not exist: those after them move up. Refer to the tree, which must stay where it is.
 template <class Tree>
 class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
   using Blocks = detail::InputBlocks<typename Tree::Scalar>;
@@ -206,6 +214,7 @@ public:
   using typename Blocks::Start;
 
   [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : Blocks(tree, start) {}
+  explicit Inputs(const Tree&&, Start = Start::all_motors) = delete;
 
   /// The same inputs on the same robot with another Scalar.
   template <class Other>

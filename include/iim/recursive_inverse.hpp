@@ -36,10 +36,10 @@ public:
   using Scalar = typename Tree::Scalar;
 
   RecursiveInverse(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), limbs_(tree), B_(tree, inputs), max_columns_(inputs.max_columns()),
+      : tree_(&tree), limbs_(tree), B_(tree, inputs),
         stride_(detail::padded<Scalar>(tree.n_v()) + lanes), p_(Six::Zero(stride_, 6)), of_frame_(tree),
         Vdot_(static_cast<std::size_t>(of_frame_.count()), Six::Zero(stride_, 6)), root_end_(static_cast<std::size_t>(tree.size())),
-        Minv_(stride_, tree.n_v()), result_(tree.n_v(), max_columns_)
+        Minv_(stride_, tree.n_v()), result_(tree.n_v(), inputs.max_columns_on(tree))
   {
     Minv_.setZero();
     for (const Node& node : tree.nodes()) {
@@ -47,13 +47,16 @@ public:
     }
   }
 
+  RecursiveInverse(const Tree&&, const Inputs<Tree>&) = delete;
+  RecursiveInverse(const Tree&, const Inputs<Tree>&&) = delete;
+
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
-  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
+  AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
     const Index m = B_.inputs().columns();
-    assert(B_.inputs().max_columns() == max_columns_ && "inputs were added after the method was made");
-    if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
+    const Status status = result_.status_on(B_.inputs(), fd.status_on(*tree_));
+    if (status != Status::ok) { return result_.result(m, status, fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
     inward(fd.workspace());
     outward(fd.workspace());

@@ -96,7 +96,7 @@ public:
     const std::array<Outcome, static_cast<std::size_t>(lanes)>& outcome;
   };
 
-  /// The assembly from which inputs.tree() was made. Throws ModelError as the tree does.
+  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, or of other masses.
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
@@ -106,7 +106,10 @@ public:
         one_qd_(lane_tree_.n_v()), one_u_(inputs.max_columns()),
         states_((whole_registers(lane_tree_.n_v()) + whole_registers(Bhat_.size())) * lanes)
   {
+    check_tree();
   }
+  template <class AssemblyType>
+  SeveralStates(const AssemblyType&, const Inputs<Tree>&&) = delete;
   SeveralStates(const SeveralStates&) = delete;
   SeveralStates& operator=(const SeveralStates&) = delete;
 
@@ -232,6 +235,23 @@ private:
 
   static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
   static constexpr Index whole_registers(Index numbers) { return (numbers + lanes - 1) / lanes * lanes; }
+
+  [[gnu::cold]] void check_tree() const
+  {
+    if (lane_tree_.size() != tree().size()) { throw ModelError("the assembly has other parts than the inputs' tree"); }
+    const auto differs = [](const Scalar& a, const Pack& b) { return a != b[0]; };
+    const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
+    for (const Node& node : tree().nodes()) {
+      const auto& own = tree().placement(node.index);
+      const auto& other = lane_tree_.placement(node.index);
+      bool same = tree().name(node.index) == lane_tree_.name(node.index) && node.inlet == lane_tree_.node(node.index).inlet;
+      for (int k = 0; k < 9; ++k) { same = same && !differs(own.R.data()[k], other.R.data()[k]); }
+      for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
+      const Scalar mass = tree().frame_mass(node.frame).mass, off = lane_tree_.frame_mass(node.frame).mass[0] - mass;
+      same = same && off <= roundings * mass && -off <= roundings * mass;
+      if (!same) { throw ModelError("subsystem '" + tree().name(node.index) + "' is another one in the assembly than in the inputs' tree"); }
+    }
+  }
 
   template <class Q, class V>
   void check([[maybe_unused]] const Eigen::MatrixBase<Q>& q, [[maybe_unused]] const Eigen::MatrixBase<V>& qd) const

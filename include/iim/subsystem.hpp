@@ -110,6 +110,26 @@ constexpr bool is_free()
   return false;
 }
 
+/// `fixed_body()`: the Body of the one frame, by reference. Bodies of FixedLinks on it are put into it; without, they are moved to
+/// the coupling point at every state, which costs time, and digits where they are far out along the axis of a joint.
+template <class S>
+constexpr bool takes_fixed_bodies()
+{
+  if constexpr (requires(S s) { s.fixed_body(); }) {
+    static_assert(S::n_frames == 1, "fixed_body() is for one frame");
+    return true;
+  }
+  return false;
+}
+
+/// `static constexpr bool is_fixed = true`: with fixed_body(), whose frame is the coupling point's on the inlet.
+template <class S>
+constexpr bool is_fixed()
+{
+  if constexpr (requires { S::is_fixed; }) { return S::is_fixed; }
+  return false;
+}
+
 /// Whether FrameMass is about another point than the coupling point.
 template <class S>
 constexpr bool is_placed_off()

@@ -76,7 +76,9 @@ public:
   using Id = Index;  ///< number of a block, in the order of adding
 
   /// With room for J_t B̂ of these inputs.
-  Tasks(const Tree& tree, const Inputs<Tree>& inputs) : tree_(&tree), inputs_(&inputs), centroidal_(tree) {}
+  Tasks(const Tree& tree, const Inputs<Tree>& inputs) : tree_(&tree), inputs_(&inputs), centroidal_(tree) { inputs.max_columns_on(tree); }
+  Tasks(const Tree&&, const Inputs<Tree>&) = delete;
+  Tasks(const Tree&, const Inputs<Tree>&&) = delete;
 
   /// Velocity of a point of a named frame, 3 rows. Throws ModelError if there is no such frame or the world carries it.
   /// Axes::body: the same vectors, resolved in the axes that the frame has at this instant.
@@ -127,11 +129,12 @@ public:
 
   /// All of (3). `affine`: from the same receipt, by any method.
   template <class Workspace>
-  TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd, const AffineDynamics<Scalar>& affine)
+  TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd, const AffineDynamics<Scalar>& affine) &
   {
-    assert(affine.Bhat.cols() <= JB_.cols() && "inputs were added after the last task");
-    assert(fd.scene() == scene && "Tasks' Scene is that of the pass");
-    if (!fd.ok()) { return result(affine.Bhat.cols(), fd.status(), fd.subsystem()); }
+    const bool fits = tasks_.empty() || affine.Bhat.cols() <= JB_.cols();
+    assert(fits && "inputs were added after the last task");
+    const Status status = fits ? fd.status_on(*tree_, scene) : Status::mismatch;
+    if (status != Status::ok) { return result(fits ? affine.Bhat.cols() : 0, status, fd.subsystem()); }
     if (!affine.ok()) { return result(affine.Bhat.cols(), affine.status, affine.subsystem); }
     evaluate(fd);
     multiply(affine.Bhat);
@@ -140,9 +143,10 @@ public:
 
   /// Without J_t B̂: JB has no columns.
   template <class Workspace>
-  TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd)
+  TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
-    if (!fd.ok()) { return result(0, fd.status(), fd.subsystem()); }
+    const Status status = fd.status_on(*tree_, scene);
+    if (status != Status::ok) { return result(0, status, fd.subsystem()); }
     evaluate(fd);
     return checked(0);
   }
@@ -225,7 +229,6 @@ private:
   template <class Workspace>
   void evaluate(const ForwardDynamics<Workspace>& fd)
   {
-    assert(&fd.tree() == tree_ && "the receipt is of another tree");
     J_.setZero();
     bool momentum_known = false;
     Index row = 0;

@@ -8,6 +8,8 @@
 #include <iim/subsystem.hpp>
 
 #include <algorithm>
+#include <atomic>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <utility>
@@ -56,6 +58,9 @@ public:
   Index n_frames() const { return static_cast<Index>(frame_mass_.size()); }
   Index max_path_v() const { return max_path_v_; }  ///< longest path from the world, in velocities
   Index n_bbar() const { return n_bbar_; }
+
+  /// Another number than that of any robot made otherwise than by copying this.
+  std::uint64_t id() const { return id_; }
 
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
   const std::vector<Node>& nodes() const { return nodes_; }
@@ -108,10 +113,11 @@ protected:
     }
     close_subtrees();
     for (const auto& frame : assembly.named_frames()) {
-      FrameReference<Scalar> reference{-1, -1, {frame.on.R, frame.on.p}};
-      if (frame.on.parent != "world") {
-        reference.subsystem = index(frame.on.parent);
-        reference.frame = node(reference.subsystem).frame + frame.on.outlet;
+      const Attachment<Scalar> on = assembly.on_part(frame.name, frame.on);
+      FrameReference<Scalar> reference{-1, -1, {on.R, on.p}};
+      if (on.parent != "world") {
+        reference.subsystem = index(on.parent);
+        reference.frame = node(reference.subsystem).frame + on.outlet;
       }
       named_frames_[frame.name] = reference;
     }
@@ -183,6 +189,13 @@ private:
     }
   }
 
+  static std::uint64_t next_id()
+  {
+    static std::atomic<std::uint64_t> last{0};
+    return ++last;
+  }
+
+  std::uint64_t id_ = next_id();
   Vector3<Scalar> gravity_;
   Index n_q_ = 0;
   Index n_v_ = 0;

@@ -12,7 +12,6 @@
 #include <iim/sweep.hpp>
 #include <iim/workspace.hpp>
 
-#include <cassert>
 #include <type_traits>
 
 namespace iim {
@@ -27,14 +26,16 @@ public:
   using Scalar = typename Tree::Scalar;
 
   UnitForcePublished(const Tree& tree, const Inputs<Tree>& inputs)
-      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns()), result_(tree.n_v(), inputs.max_columns())
+      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns_on(tree)), result_(tree.n_v(), inputs.max_columns())
   {
     unit_.setZero();
   }
+  UnitForcePublished(const Tree&&, const Inputs<Tree>&) = delete;
+  UnitForcePublished(const Tree&, const Inputs<Tree>&&) = delete;
 
   /// All m+1 passes. No allocation, no exception.
   template <class Q, class V>
-  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd)
+  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd) &
   {
     static_assert(!scene.implicit, "of an implicit step, give the receipt too: it says how long the step is");
     return columns(forward_dynamics<scene>(q, qd, workspace_), q, qd);
@@ -43,9 +44,8 @@ public:
   /// The m passes that are left when q̈_[0] is known; fd is the receipt of the same state.
   template <class W, class Q, class V>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd, const Eigen::MatrixBase<Q>& q,
-                                    const Eigen::MatrixBase<V>& qd)
+                                    const Eigen::MatrixBase<V>& qd) &
   {
-    assert(fd.scene() == scene && "a UnitForcePublished's Scene is that of the pass");
     return columns(fd, q, qd);
   }
 
@@ -54,15 +54,15 @@ private:
   AffineDynamics<Scalar> columns(const ForwardDynamics<W>& fd, const Q& q, const V& qd)
   {
     const Index m = inputs_->columns();
-    assert(inputs_->max_columns() == unit_.size() && "inputs were added after the method was made");
-    if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
+    const Status status = result_.status_on(*inputs_, fd.status_on(inputs_->tree(), scene));
+    if (status != Status::ok) { return result_.result(m, status, fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
     auto Bhat = result_.Bhat(m);
     for (Index i = 0; i < m; ++i) {
       unit_(i) = Scalar(1);
       const auto with = detail::run_pass<scene>(q.derived(), qd.derived(), Scalar(fd.step()), *inputs_, unit_.head(m), workspace_);
       unit_(i) = Scalar(0);
-      if (with.status != Status::ok) { return result_.result(m, with.status, with.subsystem); }
+      if (!with.ok()) { return result_.result(m, with.status, with.subsystem); }
       Bhat.col(i) = with.qdd - result_.qdd0();
     }
     return result_.result(m, Status::ok, -1);
@@ -83,17 +83,19 @@ public:
   using Scalar = typename Tree::Scalar;
 
   UnitForce(const Tree& tree, const Inputs<Tree>& inputs)
-      : inputs_(&inputs), max_columns_(inputs.max_columns()), sweep_(tree, inputs), result_(tree.n_v(), max_columns_)
+      : inputs_(&inputs), sweep_(tree, inputs), result_(tree.n_v(), inputs.max_columns_on(tree))
   {
   }
+  UnitForce(const Tree&&, const Inputs<Tree>&) = delete;
+  UnitForce(const Tree&, const Inputs<Tree>&&) = delete;
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class W>
-  AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd)
+  AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd) &
   {
     const Index m = inputs_->columns();
-    assert(inputs_->max_columns() == max_columns_ && "inputs were added after the method was made");
-    if (!fd.ok()) { return result_.result(m, fd.status(), fd.subsystem()); }
+    const Status status = result_.status_on(*inputs_, fd.status_on(inputs_->tree()));
+    if (status != Status::ok) { return result_.result(m, status, fd.subsystem()); }
     result_.qdd0() = fd.qdd0();
     auto Bhat = result_.Bhat(m);
     const bool finite = sweep_(fd.workspace(), Bhat) || detail::all_finite(Bhat);
@@ -102,7 +104,6 @@ public:
 
 private:
   const Inputs<Tree>* inputs_;
-  Index max_columns_;
   std::conditional_t<width == 0, detail::Sweeps<Tree>, detail::Sweep<Tree, width>> sweep_;
   detail::ResultMemory<Scalar> result_;
 };

@@ -36,19 +36,8 @@ Placement<Scalar> placement(const urdf::Pose& pose)
 template <class Scalar>
 Body<Scalar> merged(const std::vector<Body<Scalar>>& bodies)
 {
-  if (bodies.empty()) { return Body<Scalar>::massless(); }
-  if (bodies.size() == 1) { return bodies.front(); }
-  Body<Scalar> whole;
-  for (const Body<Scalar>& body : bodies) {
-    whole.mass += body.mass;
-    whole.com += body.mass * body.com;
-  }
-  whole.com /= whole.mass;
-  for (const Body<Scalar>& body : bodies) {
-    const Matrix3<Scalar> d = skew<Scalar>(body.com - whole.com);
-    whole.inertia += body.inertia - body.mass * (d * d);
-    whole.any_moments |= body.any_moments;
-  }
+  Body<Scalar> whole = Body<Scalar>::massless();
+  for (const Body<Scalar>& body : bodies) { whole.add(body); }
   return whole;
 }
 

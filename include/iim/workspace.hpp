@@ -178,6 +178,10 @@ public:
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
 
+  /// How often the workspace has been written: a receipt is good for one of these numbers.
+  Index uses() const { return uses_; }
+  void begin_use() { ++uses_; }
+
   VectorX<Scalar>& qdd() { return qdd_; }
   const VectorX<Scalar>& qdd() const { return qdd_; }
   /// Generalised forces on the velocities themselves: Bu, less internal forces but those in SpringInertia::force.
@@ -266,12 +270,13 @@ protected:
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
+  Index uses_ = 0;
 };
 
 }  // namespace detail
 
 /// Intermediates of the O(n) pass over one tree. Construction allocates; nothing after it does.
-/// One per thread; the tree may be shared.
+/// One per thread; the tree may be shared. Refers to the tree, which must stay where it is.
 template <class TreeType, Update update_ = Update::projected>
 class Workspace : public detail::WorkspaceData<typename TreeType::Scalar, update_> {
 public:
@@ -311,6 +316,8 @@ public:
       this->add_receivers();
     }
   }
+
+  explicit Workspace(const Tree&&) = delete;
 
   const Tree& tree() const { return static_cast<const Tree&>(*this->tree_); }
 

@@ -65,6 +65,7 @@ struct FloatingBase {
            ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
   }
 
+  Body<Scalar>& fixed_body() { return body; }
   std::array<CarriedBody<Scalar>, 1> bodies() const { return {{{0, body}}}; }
 
   Eigen::Matrix<Scalar, 6, 0> Bbar(const Eigen::Matrix<Scalar, 7, 1>&) const { return {}; }

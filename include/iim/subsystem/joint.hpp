@@ -164,6 +164,7 @@ struct Fixed {
   static constexpr int n_q = 0;
   static constexpr int n_i = 0;
   static constexpr MotionPattern pattern{.linear = false, .angular = false, .offset = false, .bias = false};
+  static constexpr bool is_fixed = true;
 
   void prepare(const std::string&) {}
 

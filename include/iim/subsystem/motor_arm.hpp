@@ -93,6 +93,7 @@ struct MotorArmOn {
     return joint.own_twist();
   }
 
+  Body<Scalar>& fixed_body() { return body; }
   std::array<CarriedBody<Scalar>, 2> bodies() const
   {
     Body<Scalar> rotor = Body<Scalar>::massless();

@@ -18,6 +18,7 @@ struct RigidLink {
   static constexpr int n_u = Joint::n_i;
   static constexpr int n_frames = 1;
   static constexpr MotionPattern pattern = Joint::pattern;
+  static constexpr bool is_fixed = detail::is_fixed<Joint>();
 
   Joint joint{};
   Body<Scalar> body{};
@@ -48,6 +49,7 @@ struct RigidLink {
     return joint.own_twist();
   }
 
+  Body<Scalar>& fixed_body() { return body; }
   std::array<CarriedBody<Scalar>, 1> bodies() const { return {{{0, body}}}; }
 
   Eigen::Matrix<Scalar, n_i, n_u> Bbar(const Eigen::Matrix<Scalar, n_q, 1>&) const
@@ -67,6 +69,8 @@ RigidLink(Joint, BodyType) -> RigidLink<Joint>;
 
 template <class Scalar> using RevoluteLink = RigidLink<Revolute<Scalar>>;
 template <class Scalar> using PrismaticLink = RigidLink<Prismatic<Scalar>>;
+/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree, so that it costs
+/// nothing; its own frame stays.
 template <class Scalar> using FixedLink = RigidLink<Fixed<Scalar>>;
 
 static_assert(Subsystem<RevoluteLink<double>>);

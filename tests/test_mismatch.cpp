@@ -1,0 +1,215 @@
+// ASSERTIONS: off
+// What does not belong together is a status or a ModelError, never a number, where assertions are off.
+#include "catch.hpp"
+#include "random_tree.hpp"
+
+#include <iim/global_inverse.hpp>
+#include <iim/iim.hpp>
+#include <iim/models.hpp>
+#include <iim/recursive_inverse.hpp>
+#include <iim/several_states.hpp>
+#include <iim/task.hpp>
+#include <iim/unit_force.hpp>
+
+#include <utility>
+
+#ifndef NDEBUG
+#error "this test is about programs without assertions"
+#endif
+
+namespace test_mismatch {
+
+using namespace iim;
+
+namespace {
+
+using Tree = decltype(DynamicTree(std::declval<const StandardAssembly<double>&>()));
+
+StandardAssembly<double> robot(double mass)
+{
+  StandardAssembly<double> assembly = models::chain<double>(3);
+  RevoluteLink<double> hand{{Vector3<double>::UnitX()}, {}};
+  hand.body.mass = mass;
+  hand.body.com = {0, 0, 0.1};
+  assembly.add("hand", {"link2"}, hand);
+  return assembly;
+}
+
+/// Tree, inputs, workspace and a state.
+struct Robot {
+  Tree tree;
+  Inputs<Tree> inputs{tree};
+  Workspace<Tree> ws{tree};
+  test::RandomState state;
+
+  explicit Robot(const Tree& t) : tree(t)
+  {
+    test::Random random(3);
+    inputs.add_force("hand");
+    state = test::random_state(tree, inputs.columns(), random);
+  }
+  Robot(const Robot&) = delete;
+
+  auto pass() { return forward_dynamics(state.q, state.qd, ws); }
+  auto implicit() { return implicit_step(state.q, state.qd, 1e-3, ws); }
+};
+
+template <class Result>
+bool is_mismatch(const Result& result)
+{
+  return result.status == Status::mismatch && !result.ok();
+}
+
+template <class Result>
+bool is_nan(const Result& result)
+{
+  return result.qdd0.array().isNaN().all() && result.Bhat.array().isNaN().all();
+}
+
+/// f(method made from inputs of the robot) for each of them.
+template <class F>
+void for_each_method(Robot& robot, F&& f)
+{
+  ImplicitInversion product(robot.tree, robot.inputs);
+  UnitForce unit_force(robot.tree, robot.inputs);
+  RecursiveInverse recursive(robot.tree, robot.inputs);
+  GlobalInverse<Tree> global(robot.tree, robot.inputs);
+  GlobalInverse<Tree, Factorization::dense> dense(robot.tree, robot.inputs);
+  f(product);
+  f(unit_force);
+  f(recursive);
+  f(global);
+  f(dense);
+}
+
+}  // namespace
+
+TEST_CASE("a receipt of another robot, or from before the workspace's last use")
+{
+  Robot a{Tree(robot(1))}, b{Tree(robot(2))};
+  Robot copy{a.tree};
+  CHECK(a.tree.id() == copy.tree.id());
+  CHECK(a.tree.id() != b.tree.id());
+  for_each_method(a, [&](auto& method) {
+    CHECK(method(a.pass()).ok());
+    CHECK(method(copy.pass()).ok());
+    const auto other = method(b.pass());
+    CHECK(is_mismatch(other));
+    CHECK(is_nan(other));
+    const auto receipt = a.pass();
+    CHECK(method(receipt).ok());
+    static_cast<void>(a.pass());
+    CHECK(is_mismatch(method(receipt)));
+  });
+  ImplicitInversion method(a.tree, a.inputs);
+  CHECK(is_mismatch(method(b.state.q, b.state.qd, b.ws)));
+  CHECK(method(a.state.q, a.state.qd, a.ws).ok());
+  GlobalInverse global(a.tree, a.inputs);
+  CHECK(is_mismatch(global(b.state.q, b.state.qd, b.ws)));
+  UnitForcePublished published(a.tree, a.inputs);
+  CHECK(published(a.pass(), a.state.q, a.state.qd).ok());
+  CHECK(is_mismatch(published(b.pass(), a.state.q, a.state.qd)));
+  Tasks tasks(a.tree, a.inputs);
+  tasks.add_point("hand");
+  CHECK(tasks(a.pass()).ok());
+  CHECK(is_mismatch(tasks(b.pass())));
+  CHECK(is_mismatch(tasks(b.pass(), method(a.pass()))));
+  CHECK(is_mismatch(forward_dynamics(b.state.q, b.state.qd, a.inputs, b.state.u, b.ws)));
+}
+
+TEST_CASE("a receipt of another Scene, for a method that computes terms of it")
+{
+  Robot a{Tree(robot(1))};
+  constexpr Scene in_step{.implicit = true};
+  CHECK(ImplicitInversion(a.tree, a.inputs).product_from() >= 0);
+  ImplicitInversion method(a.tree, a.inputs);
+  CHECK(method(a.implicit()).ok());  // takes what the pass has left
+  GlobalInverse<Tree> global(a.tree, a.inputs);
+  GlobalInverse<Tree, Factorization::branch_sparse, in_step> global_in_step(a.tree, a.inputs);
+  CHECK(is_mismatch(global(a.implicit())));
+  CHECK(global_in_step(a.implicit()).ok());
+  CHECK(is_mismatch(global_in_step(a.pass())));
+  UnitForcePublished<Tree> published(a.tree, a.inputs);
+  CHECK(is_mismatch(published(a.implicit(), a.state.q, a.state.qd)));
+  Tasks<Tree> tasks(a.tree, a.inputs);
+  Tasks<Tree, in_step> tasks_in_step(a.tree, a.inputs);
+  tasks.add_point("hand");
+  tasks_in_step.add_point("hand");
+  CHECK(is_mismatch(tasks(a.implicit())));
+  const auto fd = a.implicit();
+  CHECK(is_mismatch(tasks(fd, method(fd))));
+  CHECK(tasks_in_step(fd, method(fd)).ok());
+}
+
+TEST_CASE("sizes of q, q̇ and u")
+{
+  Robot a{Tree(robot(1))};
+  ImplicitInversion method(a.tree, a.inputs);
+  const Eigen::VectorXd short_q = a.state.q.head(2), long_u = Eigen::VectorXd::Zero(99);
+  for (int k = 0; k < 2; ++k) {  // of a workspace that holds nothing, and of one that holds a pass
+    const auto fd = forward_dynamics(short_q, a.state.qd, a.ws);
+    CHECK(fd.status() == Status::mismatch);
+    CHECK(fd.qdd0().array().isNaN().all());
+    CHECK(is_mismatch(method(fd)));
+    CHECK(forward_dynamics(a.state.q, short_q, a.ws).status() == Status::mismatch);
+    CHECK(is_mismatch(method(short_q, a.state.qd, a.ws)));
+    const auto result = forward_dynamics(a.state.q, a.state.qd, a.inputs, long_u, a.ws);
+    CHECK(is_mismatch(result));
+    CHECK(result.qdd.array().isNaN().all());
+    GlobalInverse global(a.tree, a.inputs);
+    CHECK(is_mismatch(global(short_q, a.state.qd, a.ws)));
+    constexpr Scene at_rest{.velocity = false};
+    CHECK(forward_dynamics<at_rest>(a.state.q, short_q, a.ws).ok());  // q̇ is not read
+    CHECK(a.pass().ok());
+  }
+}
+
+TEST_CASE("a failed pass leaves no number")
+{
+  Robot a{Tree(robot(1))};
+  Eigen::VectorXd q = a.state.q;
+  q(1) = std::numeric_limits<double>::infinity();
+  const auto fd = forward_dynamics(q, a.state.qd, a.ws);
+  CHECK(fd.status() == Status::invalid_state);
+  CHECK(fd.qdd0().array().isNaN().all());
+  const auto result = forward_dynamics(q, a.state.qd, a.inputs, a.state.u, a.ws);
+  CHECK(!result.ok());
+  CHECK(result.qdd.array().isNaN().all());
+  CHECK(forward_dynamics(a.state.q, a.state.qd, a.inputs, a.state.u, a.ws).ok());
+}
+
+TEST_CASE("inputs of another robot, and inputs that were added too late")
+{
+  Robot a{Tree(robot(1))}, b{Tree(robot(2))};
+  CHECK_THROWS_AS(ImplicitInversion(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(UnitForce(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(UnitForcePublished(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(RecursiveInverse(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(GlobalInverse(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(Tasks(a.tree, b.inputs), ModelError);
+  ImplicitInversion before(a.tree, a.inputs);
+  Tasks tasks(a.tree, a.inputs);
+  tasks.add_point("hand");
+  const Index columns = a.inputs.columns();
+  for_each_method(a, [&](auto& method) {
+    a.inputs.add_wrench("hand");
+    const auto late = method(a.pass());
+    CHECK(is_mismatch(late));
+    CHECK(late.Bhat.cols() == columns);
+    CHECK(is_mismatch(before(a.state.q, a.state.qd, a.ws)));
+  });
+  ImplicitInversion after(a.tree, a.inputs);
+  const auto fd = a.pass();
+  CHECK(after(fd).ok());
+  CHECK(is_mismatch(tasks(fd, after(fd))));
+}
+
+TEST_CASE("several states of another assembly")
+{
+  Robot a{Tree(robot(1))};
+  CHECK_NOTHROW(SeveralStates(robot(1), a.inputs));
+  CHECK_THROWS_WITH(SeveralStates(robot(2), a.inputs), Catch::Matchers::ContainsSubstring("'hand'"));
+  CHECK_THROWS_AS(SeveralStates(models::chain<double>(3), a.inputs), ModelError);
+}
+
+}  // namespace test_mismatch
