@@ -119,11 +119,8 @@ Drift run(const Parts& parts, const State<double>& begin, double h, long steps)
     const auto qd = y.tail(n_v);
     const auto fd = iim::forward_dynamics(q, qd, workspace);
     k.tail(n_v) = fd.qdd0();
-    tree.outward([&]<class N, class S>(const N& node, const S& s) {
-      const iim::detail::Coordinates<S> own = q.template segment<S::n_q>(node.q);
-      const iim::detail::Velocities<S> velocity = qd.template segment<S::n_i>(node.v);
-      k.template segment<S::n_q>(node.q) = iim::coordinate_rate(s, own, velocity);
-    });
+    auto rates = k.head(n_q);
+    iim::coordinate_rate(tree, q, qd, rates);
     return fd.ok();
   };
   Vector first(n_q + n_v);

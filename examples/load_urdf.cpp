@@ -43,12 +43,8 @@ void run(const std::string& path, iim::Base base)
   const auto tree = robot.tree();
   print(robot, tree);
 
-  iim::VectorX<double> q(tree.n_q());
+  const iim::VectorX<double> q = iim::neutral(tree);
   const iim::VectorX<double> qd = iim::VectorX<double>::Zero(tree.n_v());
-  tree.outward([&](const iim::Node& node, const auto& subsystem) {
-    const auto q_i = iim::neutral(subsystem);
-    q.segment(node.q, q_i.size()) = q_i;
-  });
 
   const iim::Inputs inputs(tree);  // all motors; add_force("a link's name") for contacts
   iim::Workspace ws(tree);

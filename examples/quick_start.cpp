@@ -12,8 +12,7 @@ int main()
   iim::Workspace ws(tree);                                    // the last memory that is asked for
   iim::ImplicitInversion method(tree, inputs);                //   is in here
 
-  Eigen::VectorXd q = Eigen::VectorXd::Zero(tree.n_q());      // torso position, quaternion (x, y, z, w), 14 joints
-  q(6) = 1;
+  Eigen::VectorXd q = iim::neutral(tree);                     // torso position, quaternion (x, y, z, w), 14 joints
   const Eigen::VectorXd qd = Eigen::VectorXd::Ones(tree.n_v());
   const Eigen::VectorXd u = Eigen::VectorXd::Constant(inputs.columns(), 0.5);
 

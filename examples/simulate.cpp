@@ -58,10 +58,7 @@ public:
     const auto fd = iim::forward_dynamics(x.q, x.qd, ws_);
     if (!fd.ok()) { std::printf("failed: %s\n", to_string(fd.status())); }
     State rate{x.q, fd.qdd0()};
-    tree_->outward([&]<class N, class S>(const N& node, const S& subsystem) {
-      rate.q.template segment<S::n_q>(node.q) = iim::coordinate_rate<S>(subsystem, x.q.template segment<S::n_q>(node.q),
-                                                                        x.qd.template segment<S::n_i>(node.v));
-    });
+    iim::coordinate_rate(*tree_, x.q, x.qd, rate.q);
     return rate;
   }
 

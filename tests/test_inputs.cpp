@@ -167,4 +167,14 @@ TEST_CASE("a part, and a frame, on a named frame", "[inputs]")
   CHECK((fd.qdd0() - expected_fd.qdd0()).norm() < 256 * eps * expected_fd.qdd0().norm());
 }
 
+TEST_CASE("in neutral coordinates every part is in its reference position", "[inputs]")
+{
+  const Tree tree = robot();
+  const Eigen::VectorXd q = neutral(tree);
+  CHECK(q == (Eigen::VectorXd(9) << 0, 0, 0, 0, 0, 0, 1, 0, 0).finished());
+  Workspace ws(tree);
+  REQUIRE(forward_dynamics(q, Eigen::VectorXd::Zero(tree.n_v()), ws).ok());
+  for (Index frame = 0; frame < tree.n_frames(); ++frame) { CHECK(ws.frame(frame).R == Eigen::Matrix3d::Identity()); }
+}
+
 }  // namespace test_inputs

@@ -60,11 +60,7 @@ template <class Tree>
 Eigen::VectorXd rate_of(const Tree& tree, const Eigen::VectorXd& q, const Eigen::VectorXd& qd)
 {
   Eigen::VectorXd rate(tree.n_q());
-  tree.outward([&]<class N, class S>(const N& node, const S& s) {
-    rate.template segment<S::n_q>(node.q) =
-        coordinate_rate(s, detail::Coordinates<S>(q.template segment<S::n_q>(node.q)),
-                        detail::Velocities<S>(qd.template segment<S::n_i>(node.v)));
-  });
+  coordinate_rate(tree, q, qd, rate);
   return rate;
 }
 

@@ -12,11 +12,13 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
+#include <concepts>
+#include <cstddef>
 #include <string>
 #include <tuple>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 namespace iim {
@@ -247,5 +249,31 @@ private:
 
   std::tuple<typename Nodes::Subsystem...> subsystems_;
 };
+
+namespace detail {
+template <class T>
+concept IsTree = requires { typename T::Scalar; } && std::derived_from<T, TreeData<typename T::Scalar>>;
+}
+
+/// Coordinates of the tree at which all its subsystems are in their reference positions: zeros and unit quaternions. Allocates.
+template <detail::IsTree Tree>
+VectorX<typename Tree::Scalar> neutral(const Tree& tree)
+{
+  VectorX<typename Tree::Scalar> q(tree.n_q());
+  tree.outward([&]<class S>(const Node& node, const S& s) { q.template segment<S::n_q>(node.q) = neutral(s); });
+  return q;
+}
+
+/// rate = dq/dt at the coordinates q (n_q) for the velocities q̇ (n_v): what an integrator adds up. q̇ itself but for types like a
+/// floating base, whose quaternion it turns; of that no step keeps the length, which the integrator must divide out again.
+template <detail::IsTree Tree, class Q, class V, class Rate>
+void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Eigen::MatrixBase<Rate>& rate)
+{
+  tree.outward([&]<class S>(const Node& node, const S& s) {
+    const detail::Coordinates<S> own = q.template segment<S::n_q>(node.q);
+    const detail::Velocities<S> velocity = qd.template segment<S::n_i>(node.v);
+    rate.template segment<S::n_q>(node.q) = coordinate_rate(s, own, velocity);
+  });
+}
 
 }  // namespace iim
