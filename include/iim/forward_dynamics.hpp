@@ -307,7 +307,7 @@ public:
       for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
     }
-    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::add_up_beyond};
+    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::template add_up_beyond<1>, &ForwardPass::template add_up_beyond<6>};
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, sum_beyond);
     });
@@ -351,18 +351,18 @@ private:
   }
 
   /// SumBeyond
-  static Scalar add_up_beyond(void* workspace, const Node& node)
+  template <int n>
+  static void add_up_beyond([[maybe_unused]] void* workspace, [[maybe_unused]] const Node& node,
+                            [[maybe_unused]] MotionProducts<Scalar, n>& G)
   {
-    Scalar sum(0);
     if constexpr (Workspace::update == Update::projected && !bodies_first<Scalar>) {
       Workspace& ws = *static_cast<Workspace*>(workspace);
       for (Index i = node.index + 1; i < node.subtree_end; ++i) {
         ws.tree().visit(i, [&]<class S>(const Node& other, const S& s) {
-          sum += share_of_sum<scene>(other, s, ws.template node<S>(other), static_cast<Data&>(ws));
+          add_share<scene, n>(other, s, ws.template node<S>(other), static_cast<Data&>(ws), G);
         });
       }
     }
-    return sum;
   }
 };
 

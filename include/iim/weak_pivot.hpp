@@ -20,6 +20,9 @@
 // Measured (double, B̂, worst of 1000 random states in ε): an arm of six axes whose wrist is of light thin links 61, with this 15;
 // a robot with two arms of seven 27 and 9. Where a pivot's roundings would not be seen beside larger parts of M⁻¹ nothing is done:
 // of the robots tried up to one pass in six has such a pivot, of a biped without gears one in three, and chains and trees have none.
+//
+// Of a free base, where such a pivot is one of six, all of A⁻¹ = C Cᵀ is made right (mend_root): with a = C G = Cᵀ A C is 1 but for
+// what C is wrong by, and A⁻¹ = C G⁻¹ Cᵀ.
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -30,75 +33,109 @@
 #include <iim/workspace.hpp>
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 
 namespace iim::detail {
 
-/// Σ_b a_bᵀ I_b a_b + Σ_r J_r (g_r a)² over what hangs on a subsystem, for unit acceleration of its joint. The pass, which knows
-/// the types of the tree, adds it up (sum_beyond); the steps know this alone.
+/// Of n motions a at once: G = Σ_b a_bᵀ I_b a_b + Σ_r J_r (g_r a)ᵀ(g_r a), n × n, upper half.
+template <class Scalar, int n>
+using MotionProducts = Eigen::Matrix<Scalar, n, n>;
+
+/// The same sums over what hangs on a subsystem, for the accelerations a of its frame. The pass, which knows the types of the tree,
+/// adds them up; the steps know this alone.
 template <class Scalar>
 struct SumBeyond {
   void* pass;
-  Scalar (*of)(void* pass, const Node& node);
+  void (*one)(void* pass, const Node& node, MotionProducts<Scalar, 1>& G);  ///< a in FrameState::Vdot
+  void (*six)(void* pass, const Node& node, MotionProducts<Scalar, 6>& G);  ///< a in WorkspaceData::motions
   Scalar largest = Scalar(0);  ///< of all M̄_R⁻¹ of one velocity so far, which ‖M⁻¹‖ is not less than
-
-  Scalar operator()(const Node& node) const { return of(pass, node); }
 };
 
-/// a_bᵀ I_b a_b of the body on a frame. a: acceleration of the frame at its coupling point.
-template <class Scalar>
-[[gnu::noinline]] Scalar square_of(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                                   const Vector6<Scalar>& a)
+/// Where a frame's accelerations are kept, world axes, at its coupling point.
+template <int n, class Data>
+[[gnu::always_inline]] inline auto& motions_of(Index frame, Data& ws)
 {
-  if (!body.present) { return Scalar(0); }
-  const TriplePair<Scalar> at(a.data());
-  const Triple<Scalar> centre = triple(r) + combined(R, body.com);
-  const Triple<Scalar> v = at.linear + cross(at.angular, centre);
-  const Vector3<Scalar> omega(dot(column(R, 0), at.angular), dot(column(R, 1), at.angular), dot(column(R, 2), at.angular));
-  return body.mass * dot(v, v) + dot(triple(omega), combined(body.central_inertia, omega));
+  if constexpr (n == 1) {
+    return ws.frame(frame).Vdot;
+  } else {
+    return ws.motions(frame);
+  }
 }
 
-/// One subsystem's share of the sum; leaves the accelerations of its frames in FrameState::Vdot, as it found its inlet's there.
-template <Scene scene, class S, class Data>
-typename S::Scalar share_of_sum(const Node& node, const S& s, const NodeState<S>& state, Data& ws)
+/// Of the body on a frame that has the accelerations a at its coupling point.
+template <class Scalar, int n>
+[[gnu::noinline]] void add_products(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
+                                    const Eigen::Matrix<Scalar, 6, n>& a, MotionProducts<Scalar, n>& G)
+{
+  if (!body.present) { return; }
+  const Triple<Scalar> centre = triple(r) + combined(R, body.com);
+  std::array<TriplePair<Scalar>, n> moves;  // of the centre, world axes; of the body's turning, its own
+  for (int k = 0; k < n; ++k) {
+    const TriplePair<Scalar> at(a.data() + 6 * k);
+    TriplePair<Scalar>& own = moves[static_cast<std::size_t>(k)];
+    own.linear = at.linear + cross(at.angular, centre);
+    own.angular = {dot(column(R, 0), at.angular), dot(column(R, 1), at.angular), dot(column(R, 2), at.angular)};
+    Vector3<Scalar> omega;
+    own.angular.put(omega.data());
+    const TriplePair<Scalar> momentum(own.linear * body.mass, combined(body.central_inertia, omega));
+    for (int j = 0; j <= k; ++j) { G(j, k) += dot(moves[static_cast<std::size_t>(j)], momentum); }
+  }
+}
+
+/// One subsystem's share; leaves the accelerations of its frames where it found its inlet's.
+template <Scene scene, int n, class S, class Data>
+void add_share(const Node& node, const S& s, const NodeState<S>& state, Data& ws, MotionProducts<typename S::Scalar, n>& G)
 {
   using Scalar = typename S::Scalar;
   if constexpr (is_free<S>()) {  // stays where it is
-    ws.frame(node.frame).Vdot.setZero();
-    return Scalar(0);
+    motions_of<n>(node.frame, ws).setZero();
   } else {
-    const Vector6<Scalar> y = shift_twist(state.r, ws.frame(node.inlet).Vdot);
-    Scalar sum = square_of(ws.tree().inlet_mass(node.index), state.R, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), y);
-    Velocities<S> qdd;
-    for (int d = 0; d < S::n_i; ++d) {
-      qdd(d) = Scalar(0);
-      for (int i = 0; i < 6; ++i) { qdd(d) -= state.W(d, i) * y(i); }
+    const auto& inlet = motions_of<n>(node.inlet, ws);
+    Eigen::Matrix<Scalar, 6, n> y;
+    Eigen::Matrix<Scalar, S::n_i, n> qdd;
+    for (int k = 0; k < n; ++k) {
+      const Vector6<Scalar> moved = shift_twist(state.r, Vector6<Scalar>(Eigen::Map<const Vector6<Scalar>>(inlet.data() + 6 * k)));
+      for (int i = 0; i < 6; ++i) { y(i, k) = moved(i); }
+      for (int d = 0; d < S::n_i; ++d) {
+        qdd(d, k) = Scalar(0);
+        for (int i = 0; i < 6; ++i) { qdd(d, k) -= state.W(d, i) * moved(i); }
+      }
     }
-    const auto add = [&](const Scalar& inertia, Scalar rate, const auto& ratio) {
-      for (int d = 0; d < S::n_i; ++d) { rate += ratio(d) * qdd(d); }
-      sum += inertia * (rate * rate);
+    add_products<Scalar, n>(ws.tree().inlet_mass(node.index), state.R, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), y, G);
+    // inertia on a rate, axis·ω of the guidance + ratio q̈
+    const auto add = [&](const Scalar& inertia, const Triple<Scalar>& axis, const auto& ratio) {
+      std::array<Scalar, n> rate;
+      for (int k = 0; k < n; ++k) {
+        Scalar& own = rate[static_cast<std::size_t>(k)];
+        own = dot(axis, Triple<Scalar>(y.data() + 6 * k + 3));
+        for (int d = 0; d < S::n_i; ++d) { own += ratio(d) * qdd(d, k); }
+        for (int j = 0; j <= k; ++j) { G(j, k) += rate[static_cast<std::size_t>(j)] * (inertia * own); }
+      }
     };
     if constexpr (rotor_count<S>() > 0) {
       for (const auto& rotor : s.rotors()) {
         const auto spun = spin_rotor<Scene{.velocity = false}>(node, rotor, state, ws);
-        add(spun.J, dot(triple(spun.a), triple(angular(y))), spun.e);
+        add(spun.J, triple(spun.a), spun.e);
       }
     }
     if constexpr (scene.implicit) {
-      for (const auto& spring : state.springs) { add(spring.inertia, Scalar(0), spring.ratio); }
+      for (const auto& spring : state.springs) {
+        add(spring.inertia, Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), spring.ratio);
+      }
     }
-    for (int k = 0; k < S::n_frames; ++k) {
-      FrameState<Scalar>& f = ws.frame(node.frame + k);
-      f.Vdot = y;
-      if constexpr (S::n_i > 0) {
-        const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
+    for (int frame = 0; frame < S::n_frames; ++frame) {
+      auto& own = motions_of<n>(node.frame + frame, ws);
+      for (int k = 0; k < n; ++k) {
+        for (int i = 0; i < 6; ++i) { own(i, k) = y(i, k); }
+        const auto& S_k = state.S_k[static_cast<std::size_t>(frame)];
         for (int d = 0; d < S::n_i; ++d) {
-          for (int i = S::pattern.linear ? 0 : 3; i < (S::pattern.angular ? 6 : 3); ++i) { f.Vdot(i) += S_k(i, d) * qdd(d); }
+          for (int i = S::pattern.linear ? 0 : 3; i < (S::pattern.angular ? 6 : 3); ++i) { own(i, k) += S_k(i, d) * qdd(d, k); }
         }
       }
-      sum += square_of(ws.tree().frame_mass(node.frame + k), f.R, f.r, f.Vdot);
+      const FrameState<Scalar>& f = ws.frame(node.frame + frame);
+      add_products<Scalar, n>(ws.tree().frame_mass(node.frame + frame), f.R, f.r, own, G);
     }
-    return sum;
   }
 }
 
@@ -144,7 +181,9 @@ template <class S, class Data>
     if (!(rotor.J == Scalar(0))) { return Scalar(0); }
   }
   f.Vdot = unit_column(state);
-  return state.own.D + sum_beyond(node);
+  MotionProducts<Scalar, 1> G(state.own.D);
+  sum_beyond.one(sum_beyond.pass, node, G);
+  return G(0, 0);
 }
 
 /// A' of such a pivot.
@@ -174,6 +213,54 @@ template <class Scalar>
     }
   }
   return result;
+}
+
+/// C_T of a free base to C_T L⁻ᵀ, L Lᵀ = G. a: the columns of C in the step's axes. By the roundings of A_T, ε·scale, and by those
+/// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it is: along the
+/// axis of the limb's first joint, where A_T is made of what is held, it is better than they are.
+template <class Scalar, class Data>
+[[gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, Matrix6<Scalar> a,
+                                 const Vector6<Scalar>& scale, const Vector6<Scalar>& size,
+                                 const SumBeyond<Scalar>& sum_beyond, Data& ws, Matrix6<Scalar>& C_T)
+{
+  using std::max;
+  using std::sqrt;
+  const auto abs = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x); };
+  const FrameState<Scalar>& f = ws.frame(node.frame);
+  MotionProducts<Scalar, 6> G = MotionProducts<Scalar, 6>::Zero();
+  add_products<Scalar, 6>(body, f.R, f.r, a, G);
+  if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, a.data(), 12); }
+  ws.motions(node.frame) = a;
+  sum_beyond.six(sum_beyond.pass, node, G);
+  Vector6<Scalar> of_motions;
+  for (int k = 0; k < 6; ++k) {
+    of_motions(k) = Scalar(0);
+    for (int i = 0; i <= k; ++i) { of_motions(k) += abs(C_T(i, k)) * sqrt(size(i)); }
+    for (int j = 0; j <= k; ++j) {
+      Scalar of_A(0);
+      for (int i = 0; i <= j; ++i) { of_A += abs(C_T(i, j) * C_T(i, k)) * scale(i); }
+      if (!(Scalar(4) * of_A > max(of_motions(j), of_motions(k)))) { G(j, k) = Scalar(j == k ? 1 : 0); }
+    }
+  }
+  Matrix6<Scalar> L;
+  for (int k = 0; k < 6; ++k) {
+    for (int j = 0; j <= k; ++j) {
+      Scalar left = G(j, k);
+      for (int i = 0; i < j; ++i) { left -= L(k, i) * L(j, i); }
+      if (j < k) {
+        L(k, j) = left / L(j, j);
+      } else {
+        if (!ScalarTraits<Scalar>::is_positive(left)) { return; }
+        L(k, k) = sqrt(left);
+      }
+    }
+  }
+  for (int k = 0; k < 6; ++k) {
+    for (int i = 0; i <= k; ++i) {
+      for (int j = i; j < k; ++j) { C_T(i, k) -= L(k, j) * C_T(i, j); }
+      C_T(i, k) /= L(k, k);
+    }
+  }
 }
 
 }  // namespace iim::detail

@@ -178,6 +178,9 @@ public:
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
 
+  /// Six accelerations of a frame (weak_pivot.hpp); of trees with a free subsystem only.
+  Matrix6<Scalar>& motions(Index frame) { return motions_[static_cast<std::size_t>(frame)]; }
+
   /// How often the workspace has been written: a receipt is good for one of these numbers.
   Index uses() const { return uses_; }
   void begin_use() { ++uses_; }
@@ -270,6 +273,7 @@ protected:
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
+  std::vector<Matrix6<Scalar>> motions_;
   Index uses_ = 0;
 };
 
@@ -311,6 +315,9 @@ public:
     });
     this->turns_.allocate();
     choose_free_axes();
+    if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
+      if (!this->free_axes_.empty()) { this->motions_.resize(this->frames_.size(), Matrix6<Scalar>::Zero()); }
+    }
     if constexpr (update != Update::square_root) {
       this->axes_ = detail::ParallelAxes<Scalar>(tree);
       this->add_receivers();
