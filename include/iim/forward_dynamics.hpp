@@ -307,7 +307,7 @@ public:
       for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
     }
-    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::template add_up_beyond<1>, &ForwardPass::template add_up_beyond<6>};
+    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::add_up_beyond};
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, sum_beyond);
     });
@@ -351,15 +351,14 @@ private:
   }
 
   /// SumBeyond
-  template <int n>
-  static void add_up_beyond([[maybe_unused]] void* workspace, [[maybe_unused]] const Node& node,
-                            [[maybe_unused]] MotionProducts<Scalar, n>& G)
+  static void add_up_beyond([[maybe_unused]] void* workspace, [[maybe_unused]] const Node& node, [[maybe_unused]] int n,
+                            [[maybe_unused]] Scalar* G)
   {
     if constexpr (Workspace::update == Update::projected && !bodies_first<Scalar>) {
       Workspace& ws = *static_cast<Workspace*>(workspace);
       for (Index i = node.index + 1; i < node.subtree_end; ++i) {
         ws.tree().visit(i, [&]<class S>(const Node& other, const S& s) {
-          add_share<scene, n>(other, s, ws.template node<S>(other), static_cast<Data&>(ws), G);
+          add_share<scene>(other, s, ws.template node<S>(other), static_cast<Data&>(ws), n, G);
         });
       }
     }

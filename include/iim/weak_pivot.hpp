@@ -32,109 +32,134 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 
 namespace iim::detail {
 
-/// Of n motions a at once: G = Σ_b a_bᵀ I_b a_b + Σ_r J_r (g_r a)ᵀ(g_r a), n × n, upper half.
-template <class Scalar, int n>
-using MotionProducts = Eigen::Matrix<Scalar, n, n>;
-
-/// The same sums over what hangs on a subsystem, for the accelerations a of its frame. The pass, which knows the types of the tree,
-/// adds them up; the steps know this alone.
+/// G += Σ_b a_iᵀ I_b a_j + Σ_r J_r (g_r a_i)(g_r a_j), i ≤ j < n, over what hangs on a subsystem, for n accelerations of its frame:
+/// one in FrameState::Vdot, or six in WorkspaceData::motions. The pass, which knows the types of the tree, adds them up; the steps
+/// know this alone.
 template <class Scalar>
 struct SumBeyond {
   void* pass;
-  void (*one)(void* pass, const Node& node, MotionProducts<Scalar, 1>& G);  ///< a in FrameState::Vdot
-  void (*six)(void* pass, const Node& node, MotionProducts<Scalar, 6>& G);  ///< a in WorkspaceData::motions
+  void (*add)(void* pass, const Node& node, int n, Scalar* G);  ///< G: n × n, column by column
   Scalar largest = Scalar(0);  ///< of all M̄_R⁻¹ of one velocity so far, which ‖M⁻¹‖ is not less than
 };
 
-/// Where a frame's accelerations are kept, world axes, at its coupling point.
-template <int n, class Data>
-[[gnu::always_inline]] inline auto& motions_of(Index frame, Data& ws)
+/// A frame's n accelerations, world axes, at its coupling point.
+template <class Data>
+[[gnu::always_inline]] inline typename Data::Scalar* motions_of(Index frame, int n, Data& ws)
 {
-  if constexpr (n == 1) {
-    return ws.frame(frame).Vdot;
-  } else {
-    return ws.motions(frame);
-  }
+  return n == 1 ? ws.frame(frame).Vdot.data() : ws.motions(frame).data();
 }
 
-/// Of the body on a frame that has the accelerations a at its coupling point.
-template <class Scalar, int n>
+/// Of the body on a frame that has the n accelerations a at its coupling point.
+template <class Scalar>
 [[gnu::noinline]] void add_products(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                                    const Eigen::Matrix<Scalar, 6, n>& a, MotionProducts<Scalar, n>& G)
+                                    const Scalar* a, int n, Scalar* G)
 {
   if (!body.present) { return; }
   const Triple<Scalar> centre = triple(r) + combined(R, body.com);
-  std::array<TriplePair<Scalar>, n> moves;  // of the centre, world axes; of the body's turning, its own
+  std::array<TriplePair<Scalar>, 6> moves;  // of the centre, world axes; of the body's turning, its own
   for (int k = 0; k < n; ++k) {
-    const TriplePair<Scalar> at(a.data() + 6 * k);
+    const TriplePair<Scalar> at(a + 6 * k);
     TriplePair<Scalar>& own = moves[static_cast<std::size_t>(k)];
     own.linear = at.linear + cross(at.angular, centre);
-    own.angular = {dot(column(R, 0), at.angular), dot(column(R, 1), at.angular), dot(column(R, 2), at.angular)};
-    Vector3<Scalar> omega;
-    own.angular.put(omega.data());
+    const Vector3<Scalar> omega(dot(column(R, 0), at.angular), dot(column(R, 1), at.angular), dot(column(R, 2), at.angular));
+    own.angular = triple(omega);
     const TriplePair<Scalar> momentum(own.linear * body.mass, combined(body.central_inertia, omega));
-    for (int j = 0; j <= k; ++j) { G(j, k) += dot(moves[static_cast<std::size_t>(j)], momentum); }
+    for (int j = 0; j <= k; ++j) { G[k * n + j] += dot(moves[static_cast<std::size_t>(j)], momentum); }
   }
 }
 
-/// One subsystem's share; leaves the accelerations of its frames where it found its inlet's.
-template <Scene scene, int n, class S, class Data>
-void add_share(const Node& node, const S& s, const NodeState<S>& state, Data& ws, MotionProducts<typename S::Scalar, n>& G)
+/// What of a subsystem's memory the sums need, whatever its type.
+template <class Scalar>
+struct MovedBy {
+  const Matrix3<Scalar>& R;
+  const Vector3<Scalar>& r;
+  const Scalar* S;  ///< of all frames, 6 × n_i each
+  const Scalar* W;  ///< n_i × 6
+  int n_i;
+  int n_frames;
+};
+
+/// Inertia that turns at the rate axis·ω + ratio·q̈: a rotor, a spring's.
+template <class Scalar>
+struct Spinning {
+  Scalar inertia;
+  Vector3<Scalar> axis;
+  const Scalar* ratio;
+};
+
+/// A subsystem's share; leaves the accelerations of its frames where it found its inlet's.
+template <class Scalar, class Data>
+[[gnu::noinline]] void add_share_of(const Node& node, const MovedBy<Scalar>& part, const Spinning<Scalar>* spinning, int n_spinning,
+                                    Data& ws, int n, Scalar* G)
+{
+  const Scalar* const inlet = motions_of(node.inlet, n, ws);
+  Matrix6<Scalar> y, qdd;
+  for (int k = 0; k < n; ++k) {
+    const TriplePair<Scalar> at(inlet + 6 * k);
+    TriplePair<Scalar>(at.linear + cross(at.angular, triple(part.r)), at.angular).put(&y(0, k));
+    for (int d = 0; d < part.n_i; ++d) {
+      qdd(d, k) = Scalar(0);
+      for (int i = 0; i < 6; ++i) { qdd(d, k) -= part.W[i * part.n_i + d] * y(i, k); }
+    }
+  }
+  const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  add_products(ws.tree().inlet_mass(node.index), part.R, zero, y.data(), n, G);
+  for (int r = 0; r < n_spinning; ++r) {
+    Vector6<Scalar> rate;
+    for (int k = 0; k < n; ++k) {
+      rate(k) = dot(triple(spinning[r].axis), Triple<Scalar>(&y(3, k)));
+      for (int d = 0; d < part.n_i; ++d) { rate(k) += spinning[r].ratio[d] * qdd(d, k); }
+      for (int j = 0; j <= k; ++j) { G[k * n + j] += rate(j) * (spinning[r].inertia * rate(k)); }
+    }
+  }
+  for (int frame = 0; frame < part.n_frames; ++frame) {
+    Scalar* const own = motions_of(node.frame + frame, n, ws);
+    for (int k = 0; k < n; ++k) {
+      TriplePair<Scalar> a(&y(0, k));
+      for (int d = 0; d < part.n_i; ++d) { a += TriplePair<Scalar>(part.S + 6 * (frame * part.n_i + d)) * qdd(d, k); }
+      a.put(own + 6 * k);
+    }
+    const FrameState<Scalar>& f = ws.frame(node.frame + frame);
+    add_products(ws.tree().frame_mass(node.frame + frame), f.R, f.r, own, n, G);
+  }
+}
+
+template <Scene scene, class S, class Data>
+[[gnu::cold]] void add_share(const Node& node, const S& s, const NodeState<S>& state, Data& ws, int n, typename S::Scalar* G)
 {
   using Scalar = typename S::Scalar;
   if constexpr (is_free<S>()) {  // stays where it is
-    motions_of<n>(node.frame, ws).setZero();
+    std::fill_n(motions_of(node.frame, n, ws), 6 * n, Scalar(0));
   } else {
-    const auto& inlet = motions_of<n>(node.inlet, ws);
-    Eigen::Matrix<Scalar, 6, n> y;
-    Eigen::Matrix<Scalar, S::n_i, n> qdd;
-    for (int k = 0; k < n; ++k) {
-      const Vector6<Scalar> moved = shift_twist(state.r, Vector6<Scalar>(Eigen::Map<const Vector6<Scalar>>(inlet.data() + 6 * k)));
-      for (int i = 0; i < 6; ++i) { y(i, k) = moved(i); }
-      for (int d = 0; d < S::n_i; ++d) {
-        qdd(d, k) = Scalar(0);
-        for (int i = 0; i < 6; ++i) { qdd(d, k) -= state.W(d, i) * moved(i); }
-      }
-    }
-    add_products<Scalar, n>(ws.tree().inlet_mass(node.index), state.R, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), y, G);
-    // inertia on a rate, axis·ω of the guidance + ratio q̈
-    const auto add = [&](const Scalar& inertia, const Triple<Scalar>& axis, const auto& ratio) {
-      std::array<Scalar, n> rate;
-      for (int k = 0; k < n; ++k) {
-        Scalar& own = rate[static_cast<std::size_t>(k)];
-        own = dot(axis, Triple<Scalar>(y.data() + 6 * k + 3));
-        for (int d = 0; d < S::n_i; ++d) { own += ratio(d) * qdd(d, k); }
-        for (int j = 0; j <= k; ++j) { G(j, k) += rate[static_cast<std::size_t>(j)] * (inertia * own); }
-      }
-    };
-    if constexpr (rotor_count<S>() > 0) {
-      for (const auto& rotor : s.rotors()) {
-        const auto spun = spin_rotor<Scene{.velocity = false}>(node, rotor, state, ws);
-        add(spun.J, triple(spun.a), spun.e);
-      }
-    }
-    if constexpr (scene.implicit) {
-      for (const auto& spring : state.springs) {
-        add(spring.inertia, Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), spring.ratio);
-      }
-    }
-    for (int frame = 0; frame < S::n_frames; ++frame) {
-      auto& own = motions_of<n>(node.frame + frame, ws);
-      for (int k = 0; k < n; ++k) {
-        for (int i = 0; i < 6; ++i) { own(i, k) = y(i, k); }
-        const auto& S_k = state.S_k[static_cast<std::size_t>(frame)];
-        for (int d = 0; d < S::n_i; ++d) {
-          for (int i = S::pattern.linear ? 0 : 3; i < (S::pattern.angular ? 6 : 3); ++i) { own(i, k) += S_k(i, d) * qdd(d, k); }
+    static_assert(S::n_i <= 6);
+    const MovedBy<Scalar> part{state.R, state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames};
+    constexpr int n_rotors = rotor_count<S>(), n_spinning = n_rotors + (scene.implicit ? spring_count<S>() : 0);
+    if constexpr (n_spinning == 0) {
+      add_share_of(node, part, static_cast<const Spinning<Scalar>*>(nullptr), 0, ws, n, G);
+    } else {
+      std::array<SpunRotor<S>, static_cast<std::size_t>(n_rotors)> spun;
+      std::array<Spinning<Scalar>, static_cast<std::size_t>(n_spinning)> spinning;
+      if constexpr (n_rotors > 0) {
+        const auto rotors = s.rotors();
+        for (std::size_t k = 0; k < spun.size(); ++k) {
+          spun[k] = spin_rotor<Scene{.velocity = false}>(node, rotors[k], state, ws);
+          spinning[k] = {spun[k].J, spun[k].a, spun[k].e.data()};
         }
       }
-      const FrameState<Scalar>& f = ws.frame(node.frame + frame);
-      add_products<Scalar, n>(ws.tree().frame_mass(node.frame + frame), f.R, f.r, own, G);
+      if constexpr (scene.implicit) {
+        for (std::size_t k = 0; k < state.springs.size(); ++k) {
+          spinning[spun.size() + k] = {state.springs[k].inertia, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)),
+                                       state.springs[k].ratio.data()};
+        }
+      }
+      add_share_of(node, part, spinning.data(), n_spinning, ws, n, G);
     }
   }
 }
@@ -181,9 +206,9 @@ template <class S, class Data>
     if (!(rotor.J == Scalar(0))) { return Scalar(0); }
   }
   f.Vdot = unit_column(state);
-  MotionProducts<Scalar, 1> G(state.own.D);
-  sum_beyond.one(sum_beyond.pass, node, G);
-  return G(0, 0);
+  Scalar sum = state.own.D;
+  sum_beyond.add(sum_beyond.pass, node, 1, &sum);
+  return sum;
 }
 
 /// A' of such a pivot.
@@ -219,7 +244,7 @@ template <class Scalar>
 /// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it is: along the
 /// axis of the limb's first joint, where A_T is made of what is held, it is better than they are.
 template <class Scalar, class Data>
-[[gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, Matrix6<Scalar> a,
+[[gnu::cold, gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, Matrix6<Scalar> a,
                                  const Vector6<Scalar>& scale, const Vector6<Scalar>& size,
                                  const SumBeyond<Scalar>& sum_beyond, Data& ws, Matrix6<Scalar>& C_T)
 {
@@ -227,11 +252,11 @@ template <class Scalar, class Data>
   using std::sqrt;
   const auto abs = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x); };
   const FrameState<Scalar>& f = ws.frame(node.frame);
-  MotionProducts<Scalar, 6> G = MotionProducts<Scalar, 6>::Zero();
-  add_products<Scalar, 6>(body, f.R, f.r, a, G);
+  Matrix6<Scalar> G = Matrix6<Scalar>::Zero();
+  add_products(body, f.R, f.r, a.data(), 6, G.data());
   if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, a.data(), 12); }
   ws.motions(node.frame) = a;
-  sum_beyond.six(sum_beyond.pass, node, G);
+  sum_beyond.add(sum_beyond.pass, node, 6, G.data());
   Vector6<Scalar> of_motions;
   for (int k = 0; k < 6; ++k) {
     of_motions(k) = Scalar(0);
