@@ -33,8 +33,9 @@ template <Scene scene, class Workspace>
 class ForwardPass;
 }
 
-/// Receipt of `forward_dynamics`: the workspace holds the O(n) pass of one state, u = 0. Only it makes one.
-/// Refers to the tree and the workspace; good until the workspace's next use.
+/// Receipt of the O(n) pass of one state, u = 0, that the workspace holds: of `forward_dynamics`, `implicit_step`, or a method that
+/// begins with the pass. Nothing else makes one. Refers to the tree and the workspace; good until the workspace's next use, and told
+/// by the methods from one that is not.
 template <class WorkspaceType>
 class ForwardDynamics {
 public:

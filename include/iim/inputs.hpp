@@ -13,6 +13,7 @@
 
 namespace iim {
 
+/// What a block of columns of B̂ stands for.
 enum class InputKind {
   motor,  ///< the motors of one subsystem
   force,  ///< force at a point, 3 columns (x, y, z) [N]
@@ -88,13 +89,14 @@ public:
     return append(input);
   }
 
-  /// Force on the robot at a point of a named frame, 3 columns.
+  /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such frame, the
+  /// world carries it, or the point is not finite.
   Id add_force(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
   {
     return append(at_point(InputKind::force, 3, frame, point, axes));
   }
 
-  /// Force and moment on the robot at a point of a named frame, 6 columns (force, moment).
+  /// Force and moment on the robot at a point of a named frame, 6 columns (force, moment). Throws as add_force.
   Id add_wrench(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
   {
     return append(at_point(InputKind::wrench, 6, frame, point, axes));

@@ -30,6 +30,7 @@
 
 namespace iim {
 
+/// What a block of task rows is about.
 enum class TaskKind {
   point,    ///< velocity of a point, 3 rows [m/s]
   frame,    ///< velocity (3) of a point and angular velocity (3) of its body [m/s, rad/s]

@@ -81,6 +81,7 @@ UrdfRobot<Scalar> load_urdf(const std::string& path, const UrdfOptions<Scalar>& 
   return parse_urdf<Scalar>(text.str(), options, path);
 }
 
+/// The same with all options but the base as they are.
 template <class Scalar>
 UrdfRobot<Scalar> load_urdf(const std::string& path, Base base)
 {

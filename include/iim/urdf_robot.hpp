@@ -46,6 +46,7 @@ struct UrdfFrame {
   Placement<Scalar> at{};
 };
 
+/// What a URDF file does not say, and what of it is read.
 template <class Scalar>
 struct UrdfOptions {
   Base base = Base::fixed;

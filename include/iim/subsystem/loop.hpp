@@ -22,12 +22,14 @@
 
 namespace iim {
 
+/// How the closing of a loop ended.
 enum class LoopStatus {
   ok,
   unreachable,  ///< the loop does not close for these q
   singular      ///< it closes, but y is not a differentiable function of q there (dead centre)
 };
 
+/// When the iteration ends, and what is taken for singular.
 template <class Scalar>
 struct LoopOptions {
   /// Newton ends when a step is at most this times (1 + |y|).
@@ -37,6 +39,7 @@ struct LoopOptions {
   Scalar singular = Scalar(1e-8);
 };
 
+/// The coordinates y of a closed loop as functions of q, with their derivatives.
 template <class Scalar, int n_y, int n>
 struct ClosedLoop {
   std::array<Dependent<Scalar, n>, static_cast<std::size_t>(n_y)> y;
