@@ -94,19 +94,20 @@ struct Spinning {
   const Scalar* ratio;
 };
 
-/// A subsystem's share; leaves the accelerations of its frames where it found its inlet's.
+/// A subsystem's share; leaves the accelerations of its frames where it found its inlet's. qdd: room for n_i × n numbers.
 template <class Scalar, class Data>
 [[gnu::noinline]] void add_share_of(const Node& node, const MovedBy<Scalar>& part, const Spinning<Scalar>* spinning, int n_spinning,
-                                    Data& ws, int n, Scalar* G)
+                                    Data& ws, int n, Scalar* G, Scalar* qdd)
 {
   const Scalar* const inlet = motions_of(node.inlet, n, ws);
-  Matrix6<Scalar> y, qdd;
+  Matrix6<Scalar> y;
   for (int k = 0; k < n; ++k) {
     const TriplePair<Scalar> at(inlet + 6 * k);
     TriplePair<Scalar>(at.linear + cross(at.angular, triple(part.r)), at.angular).put(&y(0, k));
     for (int d = 0; d < part.n_i; ++d) {
-      qdd(d, k) = Scalar(0);
-      for (int i = 0; i < 6; ++i) { qdd(d, k) -= part.W[i * part.n_i + d] * y(i, k); }
+      Scalar& own = qdd[k * part.n_i + d];
+      own = Scalar(0);
+      for (int i = 0; i < 6; ++i) { own -= part.W[i * part.n_i + d] * y(i, k); }
     }
   }
   const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
@@ -115,7 +116,7 @@ template <class Scalar, class Data>
     Vector6<Scalar> rate;
     for (int k = 0; k < n; ++k) {
       rate(k) = dot(triple(spinning[r].axis), Triple<Scalar>(&y(3, k)));
-      for (int d = 0; d < part.n_i; ++d) { rate(k) += spinning[r].ratio[d] * qdd(d, k); }
+      for (int d = 0; d < part.n_i; ++d) { rate(k) += spinning[r].ratio[d] * qdd[k * part.n_i + d]; }
       for (int j = 0; j <= k; ++j) { G[k * n + j] += rate(j) * (spinning[r].inertia * rate(k)); }
     }
   }
@@ -123,7 +124,7 @@ template <class Scalar, class Data>
     Scalar* const own = motions_of(node.frame + frame, n, ws);
     for (int k = 0; k < n; ++k) {
       TriplePair<Scalar> a(&y(0, k));
-      for (int d = 0; d < part.n_i; ++d) { a += TriplePair<Scalar>(part.S + 6 * (frame * part.n_i + d)) * qdd(d, k); }
+      for (int d = 0; d < part.n_i; ++d) { a += TriplePair<Scalar>(part.S + 6 * (frame * part.n_i + d)) * qdd[k * part.n_i + d]; }
       a.put(own + 6 * k);
     }
     const FrameState<Scalar>& f = ws.frame(node.frame + frame);
@@ -138,11 +139,11 @@ template <Scene scene, class S, class Data>
   if constexpr (is_free<S>()) {  // stays where it is
     std::fill_n(motions_of(node.frame, n, ws), 6 * n, Scalar(0));
   } else {
-    static_assert(S::n_i <= 6);
+    std::array<Scalar, 6 * std::max(1, S::n_i)> qdd;
     const MovedBy<Scalar> part{state.R, state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames};
     constexpr int n_rotors = rotor_count<S>(), n_spinning = n_rotors + (scene.implicit ? spring_count<S>() : 0);
     if constexpr (n_spinning == 0) {
-      add_share_of(node, part, static_cast<const Spinning<Scalar>*>(nullptr), 0, ws, n, G);
+      add_share_of(node, part, static_cast<const Spinning<Scalar>*>(nullptr), 0, ws, n, G, qdd.data());
     } else {
       std::array<SpunRotor<S>, static_cast<std::size_t>(n_rotors)> spun;
       std::array<Spinning<Scalar>, static_cast<std::size_t>(n_spinning)> spinning;
@@ -159,7 +160,7 @@ template <Scene scene, class S, class Data>
                                        state.springs[k].ratio.data()};
         }
       }
-      add_share_of(node, part, spinning.data(), n_spinning, ws, n, G);
+      add_share_of(node, part, spinning.data(), n_spinning, ws, n, G, qdd.data());
     }
   }
 }
