@@ -207,11 +207,13 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     }
     return c;
   };
-  if constexpr (Workspace::update == Update::projected && !bodies_first<Scalar>) {
+  if constexpr (Workspace::update == Update::projected) {
+    constexpr double weakest = bodies_first<Scalar> ? 512 : 8;  // scale to pivot
     bool strong = true;
 #pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(8) - square(C_T(k, k)) * scale(k)); }
-    if (!strong && diagnosis.status == Status::ok) [[unlikely]] {
+    for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(weakest) - square(C_T(k, k)) * scale(k)); }
+    if (bodies_first<Scalar> && !strong) { OneByOne<Scalar>::ask(); }
+    if (!bodies_first<Scalar> && !strong && diagnosis.status == Status::ok) [[unlikely]] {
       Matrix6<Scalar> motions;
       for (int k = 0; k < 6; ++k) { column_of_C(k).put(&motions(0, k)); }
       Vector6<Scalar> inertia = scale;

@@ -38,6 +38,11 @@ inline constexpr int tile_count<iim::Lanes<T, N>> = 4;
 template <class T, int N>
 inline constexpr bool bodies_first<iim::Lanes<T, N>> = true;
 
+template <class T, int N>
+struct OneByOne<iim::Lanes<T, N>> {
+  static void ask() { LaneVote::divide(); }
+};
+
 }  // namespace detail
 
 template <class T, int N>

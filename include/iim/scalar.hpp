@@ -110,5 +110,11 @@ bool all_finite(const Eigen::DenseBase<Derived>& m)
 template <class Scalar>
 inline constexpr bool bodies_first = false;
 
+/// Of several states at once: asks that they be computed one by one, which does what these do not.
+template <class Scalar>
+struct OneByOne {
+  static void ask() {}
+};
+
 }  // namespace detail
 }  // namespace iim

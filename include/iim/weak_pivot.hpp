@@ -22,7 +22,8 @@
 // of the robots tried up to one pass in six has such a pivot, of a biped without gears one in three, and chains and trees have none.
 //
 // Of a free base, where such a pivot is one of six, all of A⁻¹ = C Cᵀ is made right (mend_root): with a = C G = Cᵀ A C is 1 but for
-// what C is wrong by, and A⁻¹ = C G⁻¹ Cᵀ.
+// what C is wrong by, and A⁻¹ = C G⁻¹ Cᵀ. (Of 3000 random chains on a free base like their links the error of B̂ is over 16 ε for
+// 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at most, 10⁸ without.)
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
