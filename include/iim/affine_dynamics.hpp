@@ -2,7 +2,7 @@
 #pragma once
 
 #include <iim/errors.hpp>
-#include <iim/forward_dynamics.hpp>
+#include <iim/receipt.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>

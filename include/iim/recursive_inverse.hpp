@@ -12,9 +12,9 @@
 
 #include <iim/affine_dynamics.hpp>
 #include <iim/branches.hpp>
-#include <iim/forward_dynamics.hpp>
 #include <iim/input_matrix.hpp>
 #include <iim/inputs.hpp>
+#include <iim/receipt.hpp>
 #include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>

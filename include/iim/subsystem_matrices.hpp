@@ -2,8 +2,8 @@
 // The recursions never form them.
 #pragma once
 
-#include <iim/forward_dynamics.hpp>
 #include <iim/internal_inertia.hpp>
+#include <iim/receipt.hpp>
 
 #include <array>
 #include <cassert>

@@ -14,8 +14,8 @@
 #include <iim/affine_dynamics.hpp>
 #include <iim/centroidal.hpp>
 #include <iim/errors.hpp>
-#include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
+#include <iim/receipt.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
