@@ -278,19 +278,19 @@ TEST_CASE("a small link with a flawed inertia is forgiven on a sound one, with a
 
 TEST_CASE("an inertia that no body can have is kept as it is where no moment is negative, with a warning")
 {
-  const auto inertial = [](const std::string& ixy) {
+  const auto inertial_with = [](const std::string& ixy) {
     return "<inertial><mass value='1.4'/><inertia ixx='0.0025' ixy='" + ixy +
            "' ixz='0' iyy='0.0065' iyz='0' izz='0.0007'/></inertial>";
   };
   const std::string joints = joint_xml("j", "continuous", "base", "a");
-  const auto r = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial("0.0018")) + joints));
+  const auto r = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0018")) + joints));
   REQUIRE(r.warnings.size() == 1);
   CHECK(r.warnings[0].find("'a': one principal moment") != std::string::npos);
   CHECK(part<RevoluteLink<double>>(r, "a").body.inertia(0, 1) == 0.0018);
   CHECK(r.tree().n_v() == 1);
-  CHECK_THROWS_AS(parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial("0.0058")) + joints)), ModelError);
+  CHECK_THROWS_AS(parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0058")) + joints)), ModelError);
   // not made good by what is merged with it
-  const auto merged = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial("0.0018")) + link_xml("b", inertial("0")) +
+  const auto merged = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0018")) + link_xml("b", inertial_with("0")) +
                                                    joints + joint_xml("f", "fixed", "a", "b")));
   CHECK(merged.warnings.size() == 2);
   CHECK(part<RevoluteLink<double>>(merged, "a").body.mass == 2.8);

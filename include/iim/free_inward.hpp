@@ -195,18 +195,6 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   Matrix6<Scalar> C_T;
   if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { diagnosis.fail(Status::not_positive_definite, node.index); }
 
-  // Column k of T C_T.
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  const auto column_of_C = [&](int k) __attribute__((always_inline)) {
-    Pair c(Triple<Scalar>(C_T(0, k), k > 0 ? C_T(1, k) : Scalar(0), k > 1 ? C_T(2, k) : Scalar(0)), zero);
-    if (k > 2) { c.angular = b[0] * C_T(3, k); }
-    if (k > 3) { c.angular += b[1] * C_T(4, k); }
-    if (k > 4) {
-      c.angular += S_1.angular * C_T(5, 5);
-      c.linear += S_1.linear * C_T(5, 5);
-    }
-    return c;
-  };
   if constexpr (Workspace::update == Update::projected) {
     constexpr double weakest = bodies_first<Scalar> ? 512 : 8;  // scale to pivot
     bool strong = true;
@@ -214,11 +202,13 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(weakest) - square(C_T(k, k)) * scale(k)); }
     if (bodies_first<Scalar> && !strong) { OneByOne<Scalar>::ask(); }
     if (!bodies_first<Scalar> && !strong && diagnosis.status == Status::ok) [[unlikely]] {
-      Matrix6<Scalar> motions;
-      for (int k = 0; k < 6; ++k) { column_of_C(k).put(&motions(0, k)); }
+      Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
+      b[0].put(&T(3, 3));
+      b[1].put(&T(3, 4));
+      S_1.put(&T(0, 5));
       Vector6<Scalar> inertia = scale;
       inertia(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
-      mend_root(node, ws.tree().frame_mass(node.frame), motions, scale, inertia, sum_beyond, ws, C_T);
+      mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, sum_beyond, ws, C_T);
     }
   }
 
@@ -231,17 +221,23 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   p_T(4) = dot(b[1], p.angular);
   p_T(5) = along;
   const TransposedRotation<Scalar> back(f.R);
-  const Triple<Scalar> r = triple(f.r);
+  const Triple<Scalar> r = triple(f.r), zero(Scalar(0), Scalar(0), Scalar(0));
   std::array<Pair, 6> C;
   Pair psi(zero, zero);
 #pragma GCC unroll 8
   for (int k = 0; k < 6; ++k) {
-    const Pair c = column_of_C(k);
+    Triple<Scalar> lin(C_T(0, k), k > 0 ? C_T(1, k) : Scalar(0), k > 1 ? C_T(2, k) : Scalar(0)), ang = zero;
+    if (k > 2) { ang = b[0] * C_T(3, k); }
+    if (k > 3) { ang += b[1] * C_T(4, k); }
+    if (k > 4) {
+      ang += S_1.angular * C_T(5, 5);
+      lin += S_1.linear * C_T(5, 5);
+    }
     Scalar e = C_T(0, k) * p_T(0);
 #pragma GCC unroll 8
     for (int i = 1; i <= k; ++i) { e += C_T(i, k) * p_T(i); }
     Pair& own = C[static_cast<std::size_t>(k)];
-    own = {back * (k > 2 ? c.linear - cross(r, c.angular) : c.linear), k > 2 ? back * c.angular : zero};
+    own = {back * (k > 2 ? lin - cross(r, ang) : lin), k > 2 ? back * ang : zero};
     if constexpr (has_internal_force<S>() || S::n_u > 0) { e -= dot(own, Pair(ws.load().data() + node.v)); }
     psi += own * e;
     own.put(&state.MbarR_inv_root(0, k));

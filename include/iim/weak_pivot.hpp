@@ -242,11 +242,11 @@ template <class Scalar>
   return result;
 }
 
-/// C_T of a free base to C_T L⁻ᵀ, L Lᵀ = G. a: the columns of C in the step's axes. By the roundings of A_T, ε·scale, and by those
+/// C_T of a free base to C_T L⁻ᵀ, L Lᵀ = G, of the motions C = T C_T. By the roundings of A_T, ε·scale, and by those
 /// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it is: along the
 /// axis of the limb's first joint, where A_T is made of what is held, it is better than they are.
 template <class Scalar, class Data>
-[[gnu::cold, gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, Matrix6<Scalar> a,
+[[gnu::cold, gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, const Matrix6<Scalar>& T,
                                  const Vector6<Scalar>& scale, const Vector6<Scalar>& size,
                                  const SumBeyond<Scalar>& sum_beyond, Data& ws, Matrix6<Scalar>& C_T)
 {
@@ -254,6 +254,12 @@ template <class Scalar, class Data>
   using std::sqrt;
   const auto abs = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x); };
   const FrameState<Scalar>& f = ws.frame(node.frame);
+  Matrix6<Scalar> a = Matrix6<Scalar>::Zero();
+  for (int k = 0; k < 6; ++k) {
+    for (int j = 0; j <= k; ++j) {
+      for (int i = 0; i < 6; ++i) { a(i, k) += T(i, j) * C_T(j, k); }
+    }
+  }
   Matrix6<Scalar> G = Matrix6<Scalar>::Zero();
   add_products(body, f.R, f.r, a.data(), 6, G.data());
   if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, a.data(), 12); }
