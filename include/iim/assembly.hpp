@@ -116,8 +116,9 @@ public:
     throw ModelError("'" + name + "' hangs on a loop of frames");
   }
 
-  /// Parts depth first, each checked and prepared, and on parts, with the bodies of FixedLinks in what carries them. Throws ModelError for a parent that does not exist, a loop, an
-  /// outlet that the parent does not have, a coupling that is no rotation, wrong parameters, or an empty assembly.
+  /// Parts depth first, each checked, prepared and given on a part or the world, the bodies of FixedLinks in what carries them. Throws
+  /// ModelError for a parent that does not exist, a loop, an outlet that the parent does not have, a coupling that is no rotation,
+  /// wrong parameters, or an empty assembly.
   [[gnu::cold]] std::vector<NamedPart> sorted() const
   {
     if (parts_.empty()) { throw ModelError("the assembly has no parts"); }

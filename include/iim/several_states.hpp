@@ -249,7 +249,9 @@ private:
       for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
       const Scalar mass = tree().frame_mass(node.frame).mass, off = lane_tree_.frame_mass(node.frame).mass[0] - mass;
       same = same && off <= roundings * mass && -off <= roundings * mass;
-      if (!same) { throw ModelError("subsystem '" + tree().name(node.index) + "' is another one in the assembly than in the inputs' tree"); }
+      if (!same) {
+        throw ModelError("subsystem '" + tree().name(node.index) + "' is another one in the assembly than in the inputs' tree");
+      }
     }
   }
 

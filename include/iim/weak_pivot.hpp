@@ -133,6 +133,7 @@ template <class Scalar, class Data>
   }
 }
 
+/// The same, of a type S. Cold, as it is compiled once for each.
 template <Scene scene, class S, class Data>
 [[gnu::cold]] void add_share(const Node& node, const S& s, const NodeState<S>& state, Data& ws, int n, typename S::Scalar* G)
 {
