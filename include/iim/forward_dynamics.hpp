@@ -237,9 +237,10 @@ public:
       for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
     }
-    SumBeyond<Scalar> sum_beyond{&ws, &ForwardPass::add_up_beyond};
+    ws.find_bodies();
+    Scalar largest_inverse(0);
     ws.tree().inward([&]<class S>(const Node& node, const S& s) {
-      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, sum_beyond);
+      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);
     });
   }
 
@@ -278,20 +279,6 @@ private:
     diagnosis_.fail(Status::mismatch, -1);
     this->check_finite();
     return false;
-  }
-
-  /// SumBeyond
-  static void add_up_beyond([[maybe_unused]] void* workspace, [[maybe_unused]] const Node& node, [[maybe_unused]] int n,
-                            [[maybe_unused]] Scalar* G)
-  {
-    if constexpr (Workspace::update == Update::projected && !bodies_first<Scalar>) {
-      Workspace& ws = *static_cast<Workspace*>(workspace);
-      for (Index i = node.index + 1; i < node.subtree_end; ++i) {
-        ws.tree().visit(i, [&]<class S>(const Node& other, const S& s) {
-          add_share<scene>(other, s, ws.template node<S>(other), static_cast<Data&>(ws), n, G);
-        });
-      }
-    }
   }
 };
 

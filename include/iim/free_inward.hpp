@@ -123,8 +123,7 @@ template <class Scalar>
 }
 
 template <Scene scene, class S, class Workspace>
-void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
-                        [[maybe_unused]] const SumBeyond<typename S::Scalar>& sum_beyond)
+void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
   using Pair = TriplePair<Scalar>;
@@ -208,7 +207,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       S_1.put(&T(0, 5));
       Vector6<Scalar> inertia = scale;
       inertia(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
-      mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, sum_beyond, ws, C_T);
+      mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, scene.implicit, ws, C_T);
     }
   }
 

@@ -69,7 +69,7 @@ template <Scene scene, class Scalar>
 /// Matrix form. receiver: the frame that takes what is handed on.
 template <Scene scene, class S, class Workspace>
 void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
-                   SumBeyond<typename S::Scalar>& sum_beyond)
+                   typename S::Scalar& largest_inverse)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
@@ -181,7 +181,7 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
-      const Scalar pivot = mended_pivot(node, state, spun, scale(0), sum_beyond, ws, D(0, 0));
+      const Scalar pivot = mended_pivot(node, state, spun, scale(0), largest_inverse, scene.implicit, ws, D(0, 0));
       mended = ScalarTraits<Scalar>::is_positive(pivot);
       if (mended) {  // and U with it: Sᵀ U = D
         D(0, 0) = pivot;
@@ -200,7 +200,7 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
-  if constexpr (mends_pivots<S, Workspace>()) { sum_beyond.largest = std::max(sum_beyond.largest, state.MbarR_inv(0, 0)); }
+  if constexpr (mends_pivots<S, Workspace>()) { largest_inverse = std::max(largest_inverse, state.MbarR_inv(0, 0)); }
   state.MbarR = D;
   state.psi = product(state.MbarR_inv, hq);
 #pragma GCC unroll 8
@@ -319,7 +319,7 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
 /// Workspace: its part that depends on Scalar and update alone.
 template <Scene scene, class S, class Workspace>
 void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
-            [[maybe_unused]] SumBeyond<typename S::Scalar>& sum_beyond)
+            [[maybe_unused]] typename S::Scalar& largest_inverse)
 {
   if constexpr (Workspace::update == Update::square_root) {
     if constexpr (S::n_i == 0) {
@@ -350,9 +350,9 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     if constexpr (S::n_i == 0) {
       rigid_inward<scene>(node, state, ws);
     } else if constexpr (is_free<S>()) {
-      free_matrix_inward<scene>(node, state, ws, diagnosis, sum_beyond);
+      free_matrix_inward<scene>(node, state, ws, diagnosis);
     } else {
-      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis, sum_beyond);
+      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis, largest_inverse);
     }
     if (turned) [[unlikely]] {
       step.leave(node.frame, node.inlet, receiver, StepData(state), ws);

@@ -1,6 +1,7 @@
 // What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
 #pragma once
 
+#include <iim/bodies_beyond.hpp>
 #include <iim/heavy_frames.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/row_tape.hpp>
@@ -178,8 +179,8 @@ public:
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
 
-  /// Six accelerations of a frame (weak_pivot.hpp); of trees with a free subsystem only.
-  Matrix6<Scalar>& motions(Index frame) { return motions_[static_cast<std::size_t>(frame)]; }
+  /// Where weak pivots are (weak_pivot.hpp).
+  detail::BodiesBeyond<Scalar>& bodies_beyond() { return bodies_beyond_; }
 
   /// How often the workspace has been written: a receipt is good for one of these numbers.
   Index uses() const { return uses_; }
@@ -273,7 +274,7 @@ protected:
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
-  std::vector<Matrix6<Scalar>> motions_;
+  BodiesBeyond<Scalar> bodies_beyond_;
   Index uses_ = 0;
 };
 
@@ -315,9 +316,7 @@ public:
     });
     this->turns_.allocate();
     choose_free_axes();
-    if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
-      if (!this->free_axes_.empty()) { this->motions_.resize(this->frames_.size(), Matrix6<Scalar>::Zero()); }
-    }
+    find_bodies();
     if constexpr (update != Update::square_root) {
       this->axes_ = detail::ParallelAxes<Scalar>(tree);
       this->add_receivers();
@@ -337,6 +336,18 @@ public:
   const NodeState<S>& node(const Node& node) const
   {
     return nodes_.template at<S>(node);
+  }
+
+  /// Again if the workspace is a copy, or was moved.
+  void find_bodies()
+  {
+    if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
+      detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
+      if (bodies.is_for(this)) { return; }
+      bodies.clear(this);
+      tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
+      bodies.allocate(tree().n_frames(), !this->free_axes_.empty());
+    }
   }
 
 private:

@@ -1,0 +1,220 @@
+// Sums over all that a subsystem carries, whatever its types: Gᵢⱼ = Σ_b aᵢᵀ I_b aⱼ + Σ_r J_r (g_r aᵢ)(g_r aⱼ) for accelerations a
+// of a frame which the joints beyond it follow freely, q̈ = −W y.
+//
+// Of one acceleration in single numbers, or of six side by side. Types do not come into it: each subsystem has said once where its
+// numbers are. (Asked for them by type, functions of each type, the pass of a biped without rotors took half as long again.)
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/registers.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/tree_data.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <type_traits>
+#include <vector>
+
+namespace iim::detail {
+
+/// Six numbers in as many registers as hold eight.
+template <class Scalar>
+using SixLanes = Eigen::Array<Scalar, 8, 1>;
+
+/// Accelerations of a frame, component by component: linear and angular, world axes, at the coupling point.
+template <class Lane>
+using Motions = std::array<Lane, 6>;
+
+/// to = from, register by register: g++ copies an array in pieces, which are slow to load as a whole.
+template <class Lane>
+[[gnu::always_inline]] inline void copy(const Motions<Lane>& from, Motions<Lane>& to)
+{
+#pragma GCC unroll 8
+  for (std::size_t i = 0; i < 6; ++i) { to[i] = from[i]; }
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline void add_product(const Scalar& a, const Scalar& b, Scalar& G)
+{
+  G += a * b;
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void add_product(const SixLanes<Scalar>& a, const SixLanes<Scalar>& b, Motions<SixLanes<Scalar>>& G)
+{
+#pragma GCC unroll 8
+  for (int k = 0; k < 6; ++k) { G[static_cast<std::size_t>(k)] += a * b(k); }
+}
+
+/// Of the body on a frame that has the accelerations a at its coupling point, from which the frame's origin is r away.
+template <class Lane, class Scalar, class Sum>
+[[gnu::always_inline]] inline void add_body(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
+                                            const Motions<Lane>& at_point, Sum& G)
+{
+  if (!body.present) { return; }
+  Vector3<Scalar> centre = times(R, body.com);
+  add(centre, r);
+  Motions<Lane> a;
+  copy(at_point, a);
+  move_twist(centre, a);
+  std::array<Lane, 3> turning;  // in the body's axes, where its moments are what they are
+#pragma GCC unroll 8
+  for (int i = 0; i < 3; ++i) { turning[static_cast<std::size_t>(i)] = a[3] * R(0, i) + a[4] * R(1, i) + a[5] * R(2, i); }
+#pragma GCC unroll 8
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const Matrix3<Scalar>& I = body.central_inertia;
+    add_product(a[at], Lane(a[at] * body.mass), G);
+    add_product(turning[at], Lane(turning[0] * I(i, 0) + turning[1] * I(i, 1) + turning[2] * I(i, 2)), G);
+  }
+}
+
+/// Of all subsystems of a workspace.
+template <class Scalar>
+class BodiesBeyond {
+public:
+  /// Where the subsystems' numbers are is known if they are still `where`.
+  bool is_for(const void* where) const { return where_ == where; }
+  void clear(const void* where)
+  {
+    where_ = where;
+    parts_.clear();
+    rotors_.clear();
+    ratios_.clear();
+    springs_.clear();
+  }
+  /// The next subsystem.
+  template <class S, class State>
+  void add(const S& s, const State& state)
+  {
+    if constexpr (rotor_count<S>() > 0) {
+      for (const auto& rotor : s.rotors()) {
+        rotors_.push_back({rotor.frame, rotor.axis, rotor.inertia, rotor.coupled, ratios_.size()});
+        ratios_.insert(ratios_.end(), rotor.ratio.data(), rotor.ratio.data() + S::n_i);
+      }
+    }
+    for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
+    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(),
+                      springs_.size()});
+    most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
+  }
+  /// After the last. six: whether the others than sums of one acceleration will be asked for.
+  void allocate(Index frames, bool six)
+  {
+    one_.allocate(frames, most_velocities_);
+    if (six) { six_.allocate(frames, most_velocities_); }
+  }
+
+  /// G += what hangs on subsystem `node`, whose first frame has the accelerations a. `springs`: of an implicit step.
+  template <class Lane, class Data, class Sum>
+  [[gnu::noinline]] void add_up(const Node& node, const Motions<Lane>& a, bool springs, const Data& ws, Sum& G)
+  {
+    auto& room = [this]() -> auto& {
+      if constexpr (std::is_same_v<Lane, Scalar>) {
+        return one_;
+      } else {
+        return six_;
+      }
+    }();
+    copy(a, room.of(node.frame));
+    for (Index i = node.index + 1; i < node.subtree_end; ++i) { add_part(ws.tree().node(i), springs, ws, room, G); }
+  }
+
+private:
+  /// Where the numbers of a subsystem are.
+  struct Part {
+    const Matrix3<Scalar>* R;
+    const Vector3<Scalar>* r;
+    const Scalar* S;  ///< of all frames, 6 × n_i each
+    const Scalar* W;  ///< n_i × 6
+    int n_i, n_frames;
+    bool is_free;  ///< stays where it is, whatever its inlet does
+    std::size_t rotors_end, springs_end;
+  };
+  struct RotorPart {
+    int frame;  ///< that carries it; −1: the inlet
+    Vector3<Scalar> axis;
+    Scalar inertia;
+    bool coupled;
+    std::size_t ratio;
+  };
+  struct SpringPart {
+    const Scalar* inertia;
+    const Scalar* ratio;
+  };
+  /// Accelerations of frames, and of one subsystem's velocities.
+  template <class Lane>
+  struct Room {
+    std::vector<Motions<Lane>> frames;
+    std::vector<Lane> qdd;
+
+    void allocate(Index count, std::size_t velocities)
+    {
+      frames.resize(static_cast<std::size_t>(count));
+      qdd.resize(velocities);
+    }
+    Motions<Lane>& of(Index frame) { return frames[static_cast<std::size_t>(frame)]; }
+  };
+
+  template <class Lane, class Data, class Sum>
+  [[gnu::always_inline]] void add_part(const Node& node, bool springs, const Data& ws, Room<Lane>& room, Sum& G) const
+  {
+    const auto at = static_cast<std::size_t>(node.index);
+    const Part& part = parts_[at];
+    const int n = part.n_i;
+    if (part.is_free) {
+      for (Lane& x : room.of(node.frame)) { x = Lane(x * Scalar(0)); }
+      return;
+    }
+    Motions<Lane> y;
+    copy(room.of(node.inlet), y);
+    move_twist(*part.r, y);
+    Lane* const qdd = room.qdd.data();
+    for (int d = 0; d < n; ++d) {
+      const Scalar* const W = part.W + d;
+      qdd[d] = -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
+    }
+    const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    add_body<Lane>(ws.tree().inlet_mass(node.index), *part.R, zero, y, G);
+    const Scalar* S = part.S;
+    for (Index frame = node.frame; frame < node.frame + part.n_frames; ++frame) {
+      Motions<Lane> a;
+      copy(y, a);
+      for (int d = 0; d < n; ++d, S += 6) {
+#pragma GCC unroll 8
+        for (std::size_t i = 0; i < 6; ++i) { a[i] += qdd[d] * S[i]; }
+      }
+      copy(a, room.of(frame));
+      const auto& f = ws.frame(frame);
+      add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, a, G);
+    }
+    const auto spin = [&](const Scalar& inertia, Lane rate, const Scalar* ratio) {
+      for (int d = 0; d < n; ++d) { rate += qdd[d] * ratio[d]; }
+      add_product(rate, Lane(rate * inertia), G);
+    };
+    for (std::size_t k = at > 0 ? parts_[at - 1].rotors_end : 0; k < part.rotors_end; ++k) {
+      const RotorPart& rotor = rotors_[k];
+      const bool on_inlet = rotor.frame < 0;
+      const Motions<Lane>& carrier = on_inlet ? y : room.of(node.frame + rotor.frame);
+      Vector3<Scalar> axis = zero;
+      if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
+      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratios_.data() + rotor.ratio);
+    }
+    if (!springs) { return; }
+    for (std::size_t k = at > 0 ? parts_[at - 1].springs_end : 0; k < part.springs_end; ++k) {
+      spin(*springs_[k].inertia, Lane(y[0] * Scalar(0)), springs_[k].ratio);
+    }
+  }
+
+  const void* where_ = nullptr;
+  std::vector<Part> parts_;
+  std::vector<RotorPart> rotors_;
+  std::vector<Scalar> ratios_;
+  std::vector<SpringPart> springs_;
+  std::size_t most_velocities_ = 0;
+  Room<Scalar> one_;
+  Room<SixLanes<Scalar>> six_;
+};
+
+}  // namespace iim::detail
