@@ -135,14 +135,11 @@ template <class Scalar, class Data>
   Motions<SixLanes<Scalar>> a, G;
   const auto set_motions = [&] {
     for (std::size_t i = 0; i < 6; ++i) {
-      for (int k = 0; k < 6; ++k) { a[i](k) = C(static_cast<Index>(i), k); }
+      for (int k = 0; k < 8; ++k) { a[i][k] = k < 6 ? C(static_cast<Index>(i), k) : Scalar(0); }
     }
   };
-  for (std::size_t i = 0; i < 6; ++i) {
-    a[i].setZero();
-    G[i].setZero();
-  }
   set_motions();
+  for (SixLanes<Scalar>& column : G) { column = a[0] * Scalar(0); }
   add_body(body, f.R, f.r, a, G);
   if (const auto* axes = ws.axes().of(node.frame)) {  // all beyond are in the world's
     turn_triples(*axes, true, C.data(), 12);
@@ -156,13 +153,13 @@ template <class Scalar, class Data>
     for (int j = 0; j <= k; ++j) {
       Scalar of_A(0);
       for (int i = 0; i <= j; ++i) { of_A += abs(C_T(i, j) * C_T(i, k)) * scale(i); }
-      if (!(Scalar(4) * of_A > max(of_motions(j), of_motions(k)))) { G[static_cast<std::size_t>(k)](j) = Scalar(j == k ? 1 : 0); }
+      if (!(Scalar(4) * of_A > max(of_motions(j), of_motions(k)))) { G[static_cast<std::size_t>(k)][j] = Scalar(j == k ? 1 : 0); }
     }
   }
   Matrix6<Scalar> L;
   for (int k = 0; k < 6; ++k) {
     for (int j = 0; j <= k; ++j) {
-      Scalar left = G[static_cast<std::size_t>(k)](j);
+      Scalar left = G[static_cast<std::size_t>(k)][j];
       for (int i = 0; i < j; ++i) { left -= L(k, i) * L(j, i); }
       if (j < k) {
         L(k, j) = left / L(j, j);
