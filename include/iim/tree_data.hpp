@@ -9,9 +9,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -157,8 +159,8 @@ private:
     nodes_.push_back(node);
 
     names_.push_back(part.name);
-    placements_.push_back({part.on.R, part.on.p});
-    turns_.push_back(part.on.R != Matrix3<Scalar>::Identity());
+    placements_.push_back({without_noise(part.on.R), part.on.p});
+    turns_.push_back(placements_.back().R != Matrix3<Scalar>::Identity());
     depth_.push_back(part.parent < 0 ? 0 : depth_[static_cast<std::size_t>(part.parent)] + 1);
     inlet_mass_.emplace_back();
     for (int k = 0; k < s.n_frames; ++k) {
@@ -166,6 +168,18 @@ private:
       owner_.push_back(node.index);
     }
     named_frames_[part.name] = {node.index, node.frame, {}};
+  }
+
+  /// A rotation without what its own roundings are larger than: of a quarter turn 6e-17 is left of cos π/2, in float a subnormal
+  /// number where two of these meet, which takes a hundred times as long (pass of a quadruped in float: half the time without).
+  [[gnu::cold]] static Matrix3<Scalar> without_noise(Matrix3<Scalar> R)
+  {
+    if constexpr (std::is_floating_point_v<Scalar>) {
+      for (Scalar& x : R.reshaped()) {
+        if (std::abs(x) <= Eigen::NumTraits<Scalar>::epsilon() / 2) { x = Scalar(0); }
+      }
+    }
+    return R;
   }
 
   /// On the last subsystem.
