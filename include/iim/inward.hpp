@@ -350,7 +350,7 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     if constexpr (S::n_i == 0) {
       rigid_inward<scene>(node, state, ws);
     } else if constexpr (is_free<S>()) {
-      free_matrix_inward<scene>(node, state, ws, diagnosis);
+      free_matrix_inward<scene>(node, state, ws, diagnosis, largest_inverse);
     } else {
       matrix_inward<scene>(node, receiver, s, state, ws, diagnosis, largest_inverse);
     }
