@@ -179,7 +179,7 @@ public:
   /// Of the joint angles that the pass began with.
   detail::Turns<Scalar>& turns() { return turns_; }
 
-  /// Where weak pivots are (weak_pivot.hpp).
+  /// Sums over what a subsystem carries (weak_pivot.hpp).
   detail::BodiesBeyond<Scalar>& bodies_beyond() { return bodies_beyond_; }
 
   /// How often the workspace has been written: a receipt is good for one of these numbers.
@@ -338,7 +338,7 @@ public:
     return nodes_.template at<S>(node);
   }
 
-  /// Again if the workspace is a copy, or was moved.
+  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace is a copy, or was moved. The pass calls it.
   void find_bodies()
   {
     if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
