@@ -45,6 +45,17 @@ template <class Lane>
   for (std::size_t i = 0; i < 6; ++i) { to[i] = from[i]; }
 }
 
+/// x = 0, whatever it was.
+template <class Scalar, class Lane>
+[[gnu::always_inline]] inline void clear(Lane& x)
+{
+  if constexpr (std::is_same_v<Lane, Scalar>) {
+    x = Scalar(0);
+  } else {
+    for (int k = 0; k < 8; ++k) { x[k] = Scalar(0); }
+  }
+}
+
 template <class Lane>
 [[gnu::always_inline]] inline void add_product(const Lane& a, const Lane& b, Lane& G)
 {
@@ -174,7 +185,7 @@ private:
     const Part& part = parts_[at];
     const int n = part.n_i;
     if (part.is_free) {
-      for (Lane& x : room.of(node.frame)) { x = Lane(x * Scalar(0)); }
+      for (Lane& x : room.of(node.frame)) { detail::clear<Scalar>(x); }
       return;
     }
     Motions<Lane> y;
@@ -214,7 +225,9 @@ private:
     }
     if (!springs) { return; }
     for (std::size_t k = at > 0 ? parts_[at - 1].springs_end : 0; k < part.springs_end; ++k) {
-      spin(*springs_[k].inertia, Lane(y[0] * Scalar(0)), springs_[k].ratio);
+      Lane at_rest;
+      detail::clear<Scalar>(at_rest);
+      spin(*springs_[k].inertia, at_rest, springs_[k].ratio);
     }
   }
 

@@ -123,8 +123,8 @@ template <class Scalar>
 }
 
 /// Whether a root C of a free base's A⁻¹ is to be mended (weak_pivot.hpp): one of its pivots is weak, and what its roundings would be
-/// in M⁻¹ is not small beside the larger parts of it. (A biped without rotors has such a pivot in two
-/// states of five, and in one of 36 such that it would be seen; random chains on free bases keep the same digits.)
+/// in M⁻¹ is not small beside the larger parts of it. (A biped without rotors has such a pivot in two states of five, and in one of
+/// 36 such that it would be seen; random chains on free bases keep the same digits.)
 template <class Scalar>
 bool is_weak(const Matrix6<Scalar>& C, const Vector6<Scalar>& scale, const Scalar& largest_inverse)
 {
@@ -212,12 +212,12 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { diagnosis.fail(Status::not_positive_definite, node.index); }
 
   if constexpr (Workspace::update == Update::projected) {
-    constexpr double weakest = bodies_first<Scalar> ? 512 : 8;
-    bool strong = true;
+    if constexpr (bodies_first<Scalar>) {
+      bool strong = true;
 #pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(weakest) - square(C_T(k, k)) * scale(k)); }
-    if (bodies_first<Scalar> && !strong) { OneByOne<Scalar>::ask(); }
-    if (!bodies_first<Scalar> && !strong && diagnosis.status == Status::ok && is_weak(C_T, scale, largest_inverse)) [[unlikely]] {
+      for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k)); }
+      if (!strong) { OneByOne<Scalar>::ask(); }
+    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, largest_inverse)) {
       Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
       b[0].put(&T(3, 3));
       b[1].put(&T(3, 4));

@@ -63,8 +63,8 @@ Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
   return column;
 }
 
-/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: of all M̄_R⁻¹ of one velocity so far,
-/// which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write to would not stay in registers.)
+/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: of all M̄_R⁻¹ of one velocity
+/// so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write to would not stay in registers.)
 template <class S, class Data>
 [[gnu::noinline]] typename S::Scalar mended_pivot(const Node& node, const NodeState<S>& state,
                                   const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun,
@@ -140,7 +140,7 @@ template <class Scalar, class Data>
     }
   };
   set_motions();
-  for (SixLanes<Scalar>& column : G) { column = a[0] * Scalar(0); }
+  for (SixLanes<Scalar>& column : G) { clear<Scalar>(column); }
   add_body(body, f.R, f.r, a, G);
   if (const auto* axes = ws.axes().of(node.frame)) {  // all beyond are in the world's
     turn_triples(*axes, true, C.data(), 12);
