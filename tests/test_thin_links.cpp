@@ -12,9 +12,11 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <variant>
+#include <vector>
 
 namespace test_thin_links {
 
@@ -214,6 +216,28 @@ TEST_CASE("a copy of a workspace finds the bodies beyond a weak pivot in itself"
     CHECK(forward_dynamics(state.q, state.qd, copy).qdd0() == qdd);
     CHECK(forward_dynamics(state.q, state.qd, moved).qdd0() == qdd);
   }
+}
+
+TEST_CASE("a workspace that is restored where it was finds the bodies beyond in what it then has")
+{
+  test::Random random(1);
+  const Tree<double> tree(wrist_arm(random));
+  Workspace<Tree<double>> ws(tree);
+  const test::RandomState state = stretched(tree, random), other = stretched(tree, random);
+  const VectorX<double> qdd = forward_dynamics(state.q, state.qd, ws).qdd0();
+  std::optional<Workspace<Tree<double>>> used(std::in_place, tree);
+  REQUIRE(forward_dynamics(other.q, other.qd, *used).ok());
+  const Workspace<Tree<double>> backup(*used);
+  Workspace<Tree<double>> assigned(tree);
+  REQUIRE(forward_dynamics(other.q, other.qd, assigned).ok());
+  const Workspace<Tree<double>> second(assigned);
+  used.reset();
+  assigned = Workspace<Tree<double>>(tree);
+  const std::vector<double> taken(10000, 1e30);  // what was the first's
+  used.emplace(backup);
+  assigned = second;
+  CHECK(forward_dynamics(state.q, state.qd, *used).qdd0() == qdd);
+  CHECK(forward_dynamics(state.q, state.qd, assigned).qdd0() == qdd);
 }
 
 TEST_CASE("only limbs with thin links pay for axes of their own")

@@ -91,15 +91,34 @@ template <class Lane, class Scalar, class Sum>
   }
 }
 
-/// Of all subsystems of a workspace.
+/// Of all subsystems of a workspace. A copy does not know where they are, and neither does what was moved.
 template <class Scalar>
 class BodiesBeyond {
+  struct Found {
+    bool yes = false;
+
+    Found() = default;
+    Found(const Found&) {}
+    Found(Found&& other) noexcept { other.yes = false; }
+    Found& operator=(const Found&)
+    {
+      yes = false;
+      return *this;
+    }
+    Found& operator=(Found&& other) noexcept
+    {
+      yes = other.yes = false;
+      return *this;
+    }
+    ~Found() = default;
+  };
+
 public:
-  /// Where the subsystems' numbers are is known if they are still `where`.
-  bool is_for(const void* where) const { return where_ == where; }
-  void clear(const void* where)
+  /// Whether it is known where the subsystems' numbers are.
+  bool are_found() const { return found_.yes; }
+  void clear()
   {
-    where_ = where;
+    found_.yes = true;
     parts_.clear();
     rotors_.clear();
     ratios_.clear();
@@ -231,7 +250,7 @@ private:
     }
   }
 
-  const void* where_ = nullptr;
+  Found found_;
   std::vector<Part> parts_;
   std::vector<RotorPart> rotors_;
   std::vector<Scalar> ratios_;

@@ -338,13 +338,13 @@ public:
     return nodes_.template at<S>(node);
   }
 
-  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace is a copy, or was moved. The pass calls it.
+  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace was copied or moved to. The pass calls it.
   void find_bodies()
   {
     if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
       detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
-      if (bodies.is_for(this)) { return; }
-      bodies.clear(this);
+      if (bodies.are_found()) { return; }
+      bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
       bodies.allocate(tree().n_frames(), !this->free_axes_.empty());
     }
