@@ -14,6 +14,26 @@ TEST_CASE("several states in double agree with each by itself", "[several]")
   iim::test::check_random_robots<double>(1, 60);
 }
 
+TEST_CASE("several states of a robot with a link placed by a quarter turn, computed and not exact", "[several]")
+{
+  using namespace iim;
+  const auto check = []<class T>(T) {
+    StandardAssembly<T> assembly;
+    assembly.add("a", {}, models::link<T>());
+    const Matrix3<T> turn = Eigen::AngleAxis<T>(T(EIGEN_PI / 2), Vector3<T>::UnitX()).toRotationMatrix();
+    assembly.add("b", {"a", turn, Vector3<T>::UnitZ()}, models::link<T>());
+    const DynamicTree tree(assembly);
+    const Inputs inputs(tree);
+    SeveralStates several(assembly, inputs);
+    const MatrixX<T> q = MatrixX<T>::Constant(2, 3, T(0.3));
+    MatrixX<T> qdd(2, 3);
+    std::vector<Outcome> outcomes(3);
+    CHECK(several.accelerations(q, q, q, qdd, outcomes) == 0);
+  };
+  check(1.0);
+  check(1.0F);
+}
+
 TEST_CASE("states by row, by column, as blocks and transposed are the same states", "[several]")
 {
   using T = double;

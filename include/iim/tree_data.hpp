@@ -174,9 +174,10 @@ private:
   /// number where two of these meet, which takes a hundred times as long (pass of a quadruped in float: half the time without).
   [[gnu::cold]] static Matrix3<Scalar> without_noise(Matrix3<Scalar> R)
   {
-    if constexpr (std::is_floating_point_v<Scalar>) {
+    using std::abs;
+    if constexpr (std::is_floating_point_v<Scalar> || bodies_first<Scalar>) {  // or lanes of them
       for (Scalar& x : R.reshaped()) {
-        if (std::abs(x) <= Eigen::NumTraits<Scalar>::epsilon() / 2) { x = Scalar(0); }
+        if (abs(x) <= Eigen::NumTraits<Scalar>::epsilon() / Scalar(2)) { x = Scalar(0); }
       }
     }
     return R;
