@@ -128,6 +128,22 @@ Parts<double> wrist_arm(test::Random& random)
   return assembly;
 }
 
+/// Two joints about one line, between them a link that is `light` beside what it carries.
+Parts<double> in_line(double light, test::Random& random)
+{
+  Parts<double> assembly;
+  Body<double> body = random.body();
+  assembly.add("first", {}, RevoluteLink<double>{{test::Vec3::UnitZ()}, body});
+  body.com.setZero();
+  body.mass = 0.3;
+  body.inertia = test::Mat3::Identity() * (0.1 * light);
+  assembly.add("light", {"first", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{test::Vec3::UnitX()}, body});
+  assembly.add("in line", {"light", test::Mat3::Identity(), {0.4, 0, 0}}, RevoluteLink<double>{{test::Vec3::UnitX()}, random.body()});
+  assembly.add("arm", {"in line", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{random.axis()}, random.body()});
+  assembly.add("hand", {"arm", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{random.axis()}, random.body()});
+  return assembly;
+}
+
 /// Leaves subnormal numbers where the functions that are called next have their variables.
 [[gnu::noinline]] void leave_subnormal_numbers()
 {
@@ -196,6 +212,23 @@ TEST_CASE("what is done about a weak pivot works on no number but the robot's")
     REQUIRE(fd.ok());
   }
   CHECK(underflows == 0);
+}
+
+TEST_CASE("joints about one line keep their digits, however light the link between them")
+{
+  for (const double light : {1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8}) {
+    CAPTURE(light);
+    double worst = 0;
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+      test::Random random(seed);
+      const Parts<double> assembly = in_line(light, random);
+      const test::RandomState state = test::random_state(Tree<double>(assembly), 0, random);
+      const auto a = Bhat<double, Update::projected>(assembly, state);
+      const auto b = Bhat<long double, Update::square_root>(assembly.cast<long double>(), state);
+      worst = std::max(worst, static_cast<double>((a - b).norm() / b.norm()) / std::numeric_limits<double>::epsilon());
+    }
+    CHECK(worst <= 16);
+  }
 }
 
 TEST_CASE("a copy of a workspace finds the bodies beyond a weak pivot in itself")
