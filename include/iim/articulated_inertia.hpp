@@ -71,12 +71,13 @@ template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d, const TriplePair<Scalar>& x)
 {
   const Scalar* column = S.data() + 6 * d;
+  using Part = Triple<Scalar>;
   if constexpr (pattern.linear && pattern.angular) {
-    return dot(Triple<Scalar>(column), x.linear) + dot(Triple<Scalar>(column + 3), x.angular);
+    return dot(Part::settled(column), x.linear) + dot(Part::settled(column + 3), x.angular);
   } else if constexpr (pattern.angular) {
-    return dot(Triple<Scalar>(column + 3), x.angular);
+    return dot(Part::settled(column + 3), x.angular);
   } else {
-    return dot(Triple<Scalar>(column), x.linear);
+    return dot(Part::settled(column), x.linear);
   }
 }
 
@@ -260,33 +261,29 @@ template <class Scalar>
 }
 
 /// Newton–Euler (A1), (A2) of the bodies on one frame, in world axes about the coupling point: inertia A, and with
-/// `velocity` the part of h that ω makes. r: frame's origin from the coupling point; zero unless `offset`.
+/// `velocity` the part of h that ω makes. r: frame's origin from the coupling point; zero unless `offset`. R was written some
+/// time ago.
 template <bool offset, bool velocity, class Scalar>
 [[gnu::always_inline]] inline void place_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
-                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
-                                                SpatialInertia<Scalar>& A, Vector6<Scalar>& h)
+                                                const Triple<Scalar>& r, const Triple<Scalar>& omega,
+                                                SpatialInertia<Scalar>& A, TriplePair<Scalar>& h)
 {
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  h = {zero, zero};
   if (!body.present) {
     A.set_zero();
-    h.setZero();
     return;
   }
-  Triple<Scalar> mc = combined(R, body.first_moment);
+  Triple<Scalar> mc = combined(settled_columns(R), body.first_moment);
   auto Theta = SpatialInertia<Scalar>::Rotational::turned(R, body.inertia);
   if constexpr (offset) {
     // From the frame's origin to the coupling point: with s = mc + ½ m r, Θ + 2 (r·s) 1 − r sᵀ − s rᵀ
-    const Triple<Scalar> step = triple(r) * body.mass;
-    Theta.add_offset(triple(r), mc + step * Scalar(0.5));
+    const Triple<Scalar> step = r * body.mass;
+    Theta.add_offset(r, mc + step * Scalar(0.5));
     mc += step;
   }
   A.set_rigid(body.mass, mc, Theta);
-  if constexpr (velocity) {
-    const Triple<Scalar> w = triple(omega);
-    cross(w, cross(w, mc)).put(h.data());
-    cross(w, Theta * w).put(h.data() + 3);
-  } else {
-    h.setZero();
-  }
+  if constexpr (velocity) { h = {cross(omega, cross(omega, mc)), cross(omega, Theta * omega)}; }
 }
 
 }  // namespace iim::detail

@@ -25,18 +25,20 @@ template <bool velocity, class Scalar>
 [[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
 {
   clear_size(f);
+  TriplePair<Scalar> h;
   if (axes) [[unlikely]] {
     Matrix3<Scalar> R = f.R;
     Vector3<Scalar> r = f.bodies_at(), omega = f.omega;
     turn_triples(*axes, false, R.data(), 3);
     turn_triples(*axes, false, r.data(), 1);
     turn_triples(*axes, false, omega.data(), 1);
-    place_bodies<true, velocity>(body, R, r, omega, f.A, f.h);
+    place_bodies<true, velocity>(body, R, triple(r), triple(omega), f.A, h);
   } else if (f.offset) {
-    place_bodies<true, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
+    place_bodies<true, velocity>(body, f.R, triple(f.r), triple(f.omega), f.A, h);
   } else {
-    place_bodies<false, velocity>(body, f.R, f.r, f.omega, f.A, f.h);
+    place_bodies<false, velocity>(body, f.R, triple(f.r), triple(f.omega), f.A, h);
   }
+  h.put(f.h.data());
 }
 
 /// Before anything else comes to a frame.
@@ -67,9 +69,8 @@ template <class S, bool velocity, class Scalar>
 [[gnu::always_inline]] inline Carried<Scalar> own_bodies(const FrameMass<Scalar>& body, const FrameState<Scalar>& f)
 {
   Carried<Scalar> own;
-  Vector6<Scalar> h;
-  place_bodies<is_placed_off<S>(), velocity>(body, f.R, f.r, f.omega, own.A, h);
-  own.h = TriplePair<Scalar>(h.data());
+  place_bodies<is_placed_off<S>(), velocity>(body, f.R, Triple<Scalar>::settled(f.r.data()),
+                                             Triple<Scalar>::settled(f.omega.data()), own.A, own.h);
   return own;
 }
 template <class Scalar>

@@ -164,7 +164,10 @@ private:
         if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); } }
         if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); } }
         SpatialInertia<Scalar> A;
-        place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, f.r, f.omega, A, carried.f);
+        TriplePair<Scalar> h;
+        place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, triple(f.r), triple(f.omega), A,
+                                                         h);
+        h.put(carried.f.data());
         carried.I.set(A);
         add(carried.f, carried.I.template times<true, true>(linear(carried.a), angular(carried.a)));
       }
@@ -227,12 +230,14 @@ private:
       if (node.inlet < 0) { return; }
 
       if (tree_->inlet_mass(node.index).present) {
-        const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+        const Triple<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
         const Vector6<Scalar>& y = y_[at(node.index)];
         SpatialInertia<Scalar> A;
+        TriplePair<Scalar> h;
+        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet, triple(ws.frame(node.inlet).omega),
+                                            A, h);
         Vector6<Scalar> f_body;
-        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet, ws.frame(node.inlet).omega,
-                                            A, f_body);
+        h.put(f_body.data());
         CompositeBody<Scalar> body;
         body.set(A);
         I += body;

@@ -66,10 +66,10 @@ template <Scene scene, class S>
   if constexpr (rotor_count<S>() > 0) {
     const auto rotors = s.rotors();
     for (std::size_t k = 0; k < spun.size(); ++k) {
-      const Scalar slip = hold(spun[k].J, triple(spun[k].a), spun[k].e(0));
+      const Scalar slip = hold(spun[k].J, spun[k].a, spun[k].e(0));
       if constexpr (scene.velocity) {
         axis.force += slip * spun[k].bias;
-        if (rotors[k].frame < 0) { axis.force += dot(own.angular, triple(spun[k].moment)); }
+        if (rotors[k].frame < 0) { axis.force += dot(own.angular, spun[k].moment); }
       }
     }
   }

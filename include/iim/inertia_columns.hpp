@@ -62,15 +62,16 @@ struct ColumnBlock {
     column[2] = column[2] - a * b.template all<2>();
   }
   /// this·r̃.
-  [[gnu::always_inline]] ColumnBlock times_skew(const Vector3<Scalar>& r) const
+  template <class Factors>
+  [[gnu::always_inline]] ColumnBlock times_skew(const Factors& r) const
   {
     return {{column[1] * r(2) - column[2] * r(1), column[2] * r(0) - column[0] * r(2), column[0] * r(1) - column[1] * r(0)}};
   }
 
-  /// R I Rᵀ for symmetric I.
+  /// R I Rᵀ for symmetric I. R was written some time ago.
   [[gnu::always_inline]] static ColumnBlock turned(const Matrix3<Scalar>& R, const Matrix3<Scalar>& I)
   {
-    const ColumnBlock axes{{detail::column(R, 0), detail::column(R, 1), detail::column(R, 2)}};
+    const ColumnBlock axes{settled_columns(R)};
     const ColumnBlock RI{{axes.times(I(0, 0), I(1, 0), I(2, 0)), axes.times(I(0, 1), I(1, 1), I(2, 1)),
                           axes.times(I(0, 2), I(1, 2), I(2, 2))}};
     return {{RI.times(R(0, 0), R(0, 1), R(0, 2)), RI.times(R(1, 0), R(1, 1), R(1, 2)), RI.times(R(2, 0), R(2, 1), R(2, 2))}};

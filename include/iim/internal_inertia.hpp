@@ -14,11 +14,11 @@ namespace iim::detail {
 template <class S>
 struct SpunRotor {
   using Scalar = typename S::Scalar;
-  Vector3<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};       ///< axis; zero for an armature
+  Triple<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};        ///< axis; zero for an armature
   Eigen::Matrix<Scalar, S::n_i, 1> e;                       ///< spin relative to the inlet per q̇_i
   Scalar J;                                                 ///< axial inertia
   Scalar bias{0};                                           ///< what a·V̇ of the carrier is for y = 0 and q̈_i = 0
-  Vector3<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};  ///< of the spin turning with its carrier
+  Triple<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};   ///< of the spin turning with its carrier
 };
 
 template <Scene scene, class S, class RotorType, class Workspace>
@@ -32,47 +32,41 @@ template <Scene scene, class S, class RotorType, class Workspace>
   spun.J = rotor.inertia;
   if (!rotor.coupled) { return spun; }
   const bool on_inlet = rotor.frame < 0;
-  spun.a = times(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
+  spun.a = combined(settled_columns(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R), rotor.axis);
   if (!on_inlet) {
     const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
 #pragma GCC unroll 8
-    for (int d = 0; d < S::n_i; ++d) {
-#pragma GCC unroll 8
-      for (int i = 0; i < 3; ++i) { spun.e(d) += S_k(i + 3, d) * spun.a(i); }
-    }
+    for (int d = 0; d < S::n_i; ++d) { spun.e(d) += dot(Triple<Scalar>::settled(S_k.data() + 6 * d + 3), spun.a); }
   }
   if constexpr (scene.velocity) {
-    Vector3<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
+    Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
     if (!on_inlet) {
       const FrameState<Scalar>& f = ws.frame(node.frame + rotor.frame);
-      omega = f.omega;
-#pragma GCC unroll 8
-      for (int i = 0; i < 3; ++i) { spun.bias += spun.a(i) * f.bias(i + 3); }
+      omega = Triple<Scalar>::settled(f.omega.data());
+      spun.bias = dot(spun.a, Triple<Scalar>::settled(f.bias.data() + 3));
     } else if (node.inlet >= 0) {
-      omega = ws.frame(node.inlet).omega;
+      omega = Triple<Scalar>::settled(ws.frame(node.inlet).omega.data());
     }
     // Spin momentum J (a·ω + ratio q̇) a turns with the carrier.
-    Scalar spin = spun.a(0) * omega(0) + spun.a(1) * omega(1) + spun.a(2) * omega(2);
+    Scalar spin = dot(spun.a, omega);
 #pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) { spin += rotor.ratio(d) * state.qd(d); }
     spin *= spun.J;
-    spun.moment = cross(omega, spun.a);
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { spun.moment(i) *= spin; }
+    spun.moment = cross(omega, spun.a) * spin;
   }
   return spun;
 }
 
 template <class Scalar>
-[[gnu::always_inline]] inline void add_moment(Vector6<Scalar>& wrench, const Vector3<Scalar>& moment)
+[[gnu::always_inline]] inline void add_moment(Vector6<Scalar>& wrench, const Triple<Scalar>& moment)
 {
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { wrench(i + 3) += moment(i); }
 }
 template <class Scalar>
-[[gnu::always_inline]] inline void add_moment(TriplePair<Scalar>& wrench, const Vector3<Scalar>& moment)
+[[gnu::always_inline]] inline void add_moment(TriplePair<Scalar>& wrench, const Triple<Scalar>& moment)
 {
-  wrench.angular += triple(moment);
+  wrench.angular += moment;
 }
 
 /// The moment of a turning spin momentum on the guidance part and, if the carrier moves with q_i, on q_i.
@@ -86,8 +80,7 @@ template <class S, class RotorType, class Wrench>
   const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
 #pragma GCC unroll 8
   for (int d = 0; d < S::n_i; ++d) {
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { hq(d) += S_k(i + 3, d) * spun.moment(i); }
+    hq(d) += dot(Triple<typename S::Scalar>::settled(S_k.data() + 6 * d + 3), spun.moment);
   }
 }
 

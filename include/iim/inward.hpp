@@ -33,11 +33,12 @@ template <Scene scene, class S, class Workspace>
   const FrameMass<Scalar>& body = ws.tree().inlet_mass(node.index);
   if (!body.present) { return; }
   SpatialInertia<Scalar> A_body;
-  Vector6<Scalar> h_body;
-  const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-  place_bodies<false, scene.velocity>(body, state.R, at_inlet, ws.frame(node.inlet).omega, A_body, h_body);
+  TriplePair<Scalar> h_body;
+  const Triple<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+  place_bodies<false, scene.velocity>(body, state.R, at_inlet, Triple<Scalar>::settled(ws.frame(node.inlet).omega.data()),
+                                      A_body, h_body);
   A += A_body;
-  h += TriplePair<Scalar>(h_body.data());
+  h += h_body;
 }
 
 /// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling point
@@ -49,7 +50,7 @@ template <Scene scene, class Scalar>
 {
   TriplePair<Scalar> p = wrench;
   if constexpr (scene.velocity) { p += A.of_linear(c); }
-  p.angular += cross(triple(r), p.linear);
+  p.angular += cross(Triple<Scalar>::settled(r.data()), p.linear);
   if constexpr (bodies_first<Scalar>) {
     inlet.A.add_shifted(A, r);
     p += TriplePair<Scalar>(inlet.h.data());
@@ -68,7 +69,7 @@ template <Scene scene, class Scalar>
 
 /// Matrix form. receiver: the frame that takes what is handed on.
 template <Scene scene, class S, class Workspace>
-void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
+[[gnu::always_inline]] inline void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
                    typename S::Scalar& largest_inverse)
 {
   using Scalar = typename S::Scalar;
@@ -107,8 +108,9 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
     if constexpr (apart) { carried[at] = own_bodies<S, scene.velocity>(body, f); }
     if constexpr (has_own_twist<S>() && apart) {
       TriplePair<Scalar>& U_0 = U_k[0][0];
-      U_0 = {combined(f.R, state.own.linear), combined(f.R, state.own.angular)};
-      if constexpr (is_placed_off<S>()) { U_0.angular += cross(triple(f.r), U_0.linear); }
+      const auto R = settled_columns(f.R);
+      U_0 = {combined(R, state.own.linear), combined(R, state.own.angular)};
+      if constexpr (is_placed_off<S>()) { U_0.angular += cross(Triple<Scalar>::settled(f.r.data()), U_0.linear); }
       D(0, 0) = state.own.D;
       if (f.arrived) {
         Columns U_arrived;
@@ -157,12 +159,12 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
         const Scalar Je = spun[k].J * spun[k].e(d);
 #pragma GCC unroll 8
         for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
-        U[d].angular += triple(spun[k].a) * Je;
+        U[d].angular += spun[k].a * Je;
         scale(d) += Je * spun[k].e(d);
         hq(d) += Jb * spun[k].e(d);
       }
       if constexpr (scene.velocity) {
-        hg.angular += triple(spun[k].a) * Jb;
+        hg.angular += spun[k].a * Jb;
         add_gyroscopic(spun[k], rotors[k], state, hg, hq);
       }
     }
@@ -240,7 +242,7 @@ void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& s
   SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
   for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
   for (const SpunRotor<S>& rotor : spun) {
-    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), triple(rotor.a));
+    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
     if constexpr (Workspace::update == Update::projected) {
 #pragma GCC unroll 8
       for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }

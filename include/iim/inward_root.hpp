@@ -130,7 +130,11 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
       }
       if constexpr (scene.velocity) {
         const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
-        if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) { turning += moment_of_rows(carrier, state.R, spun.moment); }
+        if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) {
+          Vector3<Scalar> moment(spun.moment(0), spun.moment(1), spun.moment(2));
+          turning += moment_of_rows(carrier, state.R, moment);
+          spun.moment = triple(moment);
+        }
         add_gyroscopic(spun, rotor, state, hg, hq);
         for (int j = 0; j < 3 && keeps_v && rotor.frame < 0; ++j) { own_moment += spun.moment(j) * state.S_k[0](j + 3); }
       }

@@ -142,8 +142,12 @@ struct KinematicStep {
         for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
       }
       if (ws.tree().straightens(node.index)) { straighten(state.R); }
-      (Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p)).put(state.r.data());
-      if constexpr (scene.velocity) { omega = Triple<Scalar>(inlet.omega.data()); }
+      const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
+      r.put(state.r.data());
+      if constexpr (scene.velocity) {
+        omega = Triple<Scalar>(inlet.omega.data());
+        if constexpr (!is_free<S>()) { cross(omega, cross(omega, r)).put(state.c.data()); }
+      }
     }
     Coordinates<S> q_i;
     Velocities<S> qd_i;
@@ -185,7 +189,7 @@ struct KinematicStep {
     }
     if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
 
-    if constexpr (scene.velocity) {
+    if constexpr (scene.velocity && is_free<S>()) {
       if (node.inlet >= 0) { cross(omega, cross(omega, triple(state.r))).put(state.c.data()); }
     }
 #pragma GCC unroll 2

@@ -34,11 +34,11 @@ template <MotionPattern pattern, class Scalar, int n>
   for (int d = 0; d < n; ++d) {
     const Scalar* column = S.data() + 6 * d;
     if constexpr (pattern.linear) {
-      const Triple<Scalar> s(column);
+      const auto s = Triple<Scalar>::settled(column);
       scale(d) += dot(s * s, size.linear);
     }
     if constexpr (pattern.angular) {
-      const Triple<Scalar> s(column + 3);
+      const auto s = Triple<Scalar>::settled(column + 3);
       scale(d) += dot(s * s, size.angular);
     }
   }
@@ -139,7 +139,7 @@ template <class Scalar>
 [[gnu::always_inline]] inline void pass_size(const TriplePair<Scalar>& size, const Vector3<Scalar>& r,
                                              FrameState<Scalar>& inlet)
 {
-  const Triple<Scalar> a = triple(r);
+  const auto a = Triple<Scalar>::settled(r.data());
   const Triple<Scalar> square = a * a, next = square.turned(), after = next.turned();
   const Triple<Scalar> mass_next = size.linear.turned(), mass_after = mass_next.turned();
   const Triple<Scalar> distant = mass_next * after + mass_after * next;

@@ -73,6 +73,19 @@ template <class Scalar, class Factors>
   return column(R, 0) * a(0) + column(R, 1) * a(1) + column(R, 2) * a(2);
 }
 
+/// The columns of R, which was written some time ago (Triple::settled).
+template <class Scalar>
+[[gnu::always_inline]] inline std::array<Triple<Scalar>, 3> settled_columns(const Matrix3<Scalar>& R)
+{
+  const Scalar* x = R.data();
+  return {Triple<Scalar>::settled(x), Triple<Scalar>::settled(x + 3), Triple<Scalar>::settled_after(x + 6)};
+}
+template <class Scalar, class Factors>
+[[gnu::always_inline]] inline Triple<Scalar> combined(const std::array<Triple<Scalar>, 3>& R, const Factors& a)
+{
+  return R[0] * a(0) + R[1] * a(1) + R[2] * a(2);
+}
+
 /// C = A B, column by column. C may be A.
 template <class Scalar>
 [[gnu::always_inline]] inline void multiply(const Matrix3<Scalar>& A, const Matrix3<Scalar>& B, Matrix3<Scalar>& C)

@@ -37,7 +37,7 @@ void add_rotors(const Node& node, const S& s, [[maybe_unused]] const NodeState<S
     for (const auto& rotor : s.rotors()) {
       const SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
       VectorX<Scalar> g = VectorX<Scalar>::Zero(6 + S::n_i);
-      g.segment(3, 3) = spun.a;
+      spun.a.put(g.data() + 3);
       g.tail(S::n_i) = spun.e;
       m.Mbar += spun.J * g * g.transpose();
       m.hbar += spun.J * spun.bias * g;
@@ -58,8 +58,10 @@ void add_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const V
                 const Vector6<Scalar>& bias, const MatrixX<Scalar>& G, SubsystemMatrices<Scalar>& m)
 {
   SpatialInertia<Scalar> inertia;
+  TriplePair<Scalar> h_pair;
+  place_bodies<true, velocity>(body, R, triple(r), triple(omega), inertia, h_pair);
   Vector6<Scalar> h;
-  place_bodies<true, velocity>(body, R, r, omega, inertia, h);
+  h_pair.put(h.data());
   const Matrix6<Scalar> A = inertia.dense();
   m.Mbar += G.transpose() * A * G;
   if constexpr (velocity) { m.hbar += G.transpose() * (A * bias + h); }

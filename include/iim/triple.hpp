@@ -34,6 +34,9 @@ public:
   /// Three numbers that lie one behind the other.
   [[gnu::always_inline]] explicit Triple(const Scalar* x) : at_{x[0], x[1], x[2]} {}
   [[gnu::always_inline]] void put(Scalar* x) const { x[0] = at_[0], x[1] = at_[1], x[2] = at_[2]; }
+  /// The same for numbers that were written some time ago, where x[3], or x[-1], may be read, too.
+  [[gnu::always_inline]] static Triple settled(const Scalar* x) { return Triple(x); }
+  [[gnu::always_inline]] static Triple settled_after(const Scalar* x) { return Triple(x); }
 
   [[gnu::always_inline]] const Scalar& operator()(int i) const { return at_[static_cast<std::size_t>(i)]; }
   /// Number i as a factor of another triple.
@@ -98,6 +101,7 @@ template <class Scalar>
 class Triple<Scalar> {
   using Vector [[gnu::vector_size(4 * sizeof(Scalar))]] = Scalar;
   using Half [[gnu::vector_size(2 * sizeof(Scalar))]] = Scalar;
+  using HalfInMemory [[gnu::vector_size(2 * sizeof(Scalar)), gnu::aligned(sizeof(Scalar))]] = Scalar;
 
 public:
   Triple() = default;
@@ -115,10 +119,36 @@ public:
     const Half last{x[2], Scalar(0)};
     v_ = __builtin_shufflevector(first, last, 0, 1, 2, 3);
   }
+  /// The same for numbers that were written some time ago, where x[3], or x[-1], may be read, too: one instruction instead of
+  /// three, but a load of four numbers waits until stores of fewer have left the core.
+  [[gnu::always_inline]] static Triple settled(const Scalar* x)
+  {
+    Vector four;
+    std::memcpy(&four, x, sizeof four);
+#if defined(__AVX2__)
+    if constexpr (std::is_same_v<Scalar, double>) {  // g++ makes three of the other
+      return of(std::bit_cast<Vector>(_mm256_blend_pd(std::bit_cast<__m256d>(four), _mm256_setzero_pd(), 8)));
+    } else {
+      return of(std::bit_cast<Vector>(_mm_blend_ps(std::bit_cast<__m128>(four), _mm_setzero_ps(), 8)));
+    }
+#else
+    return of(__builtin_shufflevector(four, Vector{}, 0, 1, 2, 7));
+#endif
+  }
+  [[gnu::always_inline]] static Triple settled_after(const Scalar* x)
+  {
+    Vector four;
+    std::memcpy(&four, x - 1, sizeof four);
+#if defined(__AVX512VL__)
+    if constexpr (std::is_same_v<Scalar, double>) {
+      return of(std::bit_cast<Vector>(_mm256_alignr_epi64(_mm256_setzero_si256(), std::bit_cast<__m256i>(four), 1)));
+    }
+#endif
+    return of(__builtin_shufflevector(four, Vector{}, 1, 2, 3, 7));
+  }
   [[gnu::always_inline]] void put(Scalar* x) const
   {
-    const Half first = __builtin_shufflevector(v_, v_, 0, 1);
-    std::memcpy(x, &first, sizeof first);
+    *reinterpret_cast<HalfInMemory*>(x) = __builtin_shufflevector(v_, v_, 0, 1);
     x[2] = v_[2];
   }
 
@@ -217,6 +247,11 @@ struct TriplePair {
   [[gnu::always_inline]] TriplePair(const Triple<Scalar>& lin, const Triple<Scalar>& ang) : linear(lin), angular(ang) {}
   /// Six numbers that lie one behind the other.
   [[gnu::always_inline]] explicit TriplePair(const Scalar* x) : linear(x), angular(x + 3) {}
+  /// The same as of Triple::settled, where x[6] may be read, too.
+  [[gnu::always_inline]] static TriplePair settled(const Scalar* x)
+  {
+    return {Triple<Scalar>::settled(x), Triple<Scalar>::settled(x + 3)};
+  }
 
   [[gnu::always_inline]] TriplePair& operator+=(const TriplePair& other)
   {
