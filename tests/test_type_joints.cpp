@@ -5,6 +5,7 @@
 
 #include <iim/subsystem/joint_more.hpp>
 
+#include <algorithm>
 #include <limits>
 
 using namespace iim;
@@ -220,6 +221,34 @@ TEST_CASE("A ball is three hinges in other coordinates")
     const Mat3 to_base = s.on.R * rotation.toRotationMatrix();
     CHECK(relative_error(couple, W.middleCols<3>(3) - W.middleCols<3>(9) * to_base) < tolerance);
   }
+}
+
+TEST_CASE("a link that has slid far is computed as where it began")
+{
+  Random random(seed + 3);
+  const Vec3 axis = random.axis(), other = axis.cross(random.unit()).normalized();
+  const Body<double> body = random.body(), arm = random.body();
+  const auto difference = [&](const auto& link, const Eigen::VectorXd& displacement) {
+    Parts parts;
+    parts.set_gravity(Vec3::Zero());
+    parts.add("base", {}, link);
+    parts.add("arm", {"base", random.rotation(), random.vector(0.3)}, RevoluteLink<double>{{random.axis()}, arm});
+    const DynamicTree tree(parts);
+    const Inputs inputs(tree);
+    Workspace ws(tree);
+    ImplicitInversion method(tree, inputs);
+    Eigen::VectorXd q = Eigen::VectorXd::Constant(tree.n_q(), 0.5);
+    const Eigen::VectorXd qd = Eigen::VectorXd::Constant(tree.n_v(), 0.7);
+    const Eigen::MatrixXd Bhat = method(q, qd, ws).Bhat;
+    const Eigen::VectorXd qdd0 = method(q, qd, ws).qdd0;
+    q.head(displacement.size()) += displacement;
+    const auto far = method(q, qd, ws);
+    REQUIRE(far.ok());
+    return std::max((far.Bhat - Bhat).norm() / Bhat.norm(), (far.qdd0 - qdd0).norm() / qdd0.norm());
+  };
+  const double distance = 0x1p20;  // m
+  CHECK(difference(PlanarLink<double>{{axis, other}, body}, Eigen::Vector2d(distance, -distance)) < 64 * eps);
+  CHECK(difference(CylindricalLink<double>{{axis}, body}, Eigen::Vector2d(0, distance)) < 64 * eps);
 }
 
 TEST_CASE("Joints refuse what they cannot be")

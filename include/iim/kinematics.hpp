@@ -146,7 +146,7 @@ struct KinematicStep {
       r.put(state.r.data());
       if constexpr (scene.velocity) {
         omega = Triple<Scalar>(inlet.omega.data());
-        if constexpr (!is_free<S>()) { cross(omega, cross(omega, r)).put(state.c.data()); }
+        if constexpr (!is_free<S>() && !follows_frame<S>()) { cross(omega, cross(omega, r)).put(state.c.data()); }
       }
     }
     Coordinates<S> q_i;
@@ -187,9 +187,13 @@ struct KinematicStep {
         }
       }
     }
+    if constexpr (follows_frame<S>()) {
+      add(state.r, ws.frame(node.frame).r);
+      ws.frame(node.frame).r.setZero();
+    }
     if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
 
-    if constexpr (scene.velocity && is_free<S>()) {
+    if constexpr (scene.velocity && (is_free<S>() || follows_frame<S>())) {
       if (node.inlet >= 0) { cross(omega, cross(omega, triple(state.r))).put(state.c.data()); }
     }
 #pragma GCC unroll 2

@@ -169,7 +169,10 @@ Eigen::MatrixXd internal_inertia(const S& s, const Coordinates<S>& q)
     std::array<FrameMotion<double, S::n_i>, S::n_frames> m{{{frames[K].R, frames[K].r, S_k[K], bias[K]}...}};
     s.motion(Eigen::Matrix3d::Identity(), q, Velocities<S>::Zero(), m);
   }(std::make_index_sequence<S::n_frames>{});
-  for (std::size_t k = 0; k < S::n_frames; ++k) { frames[k].S_k = S_k[k]; }
+  for (std::size_t k = 0; k < S::n_frames; ++k) {
+    frames[k].S_k = S_k[k];
+    if (follows_frame<S>()) { frames[k].r.setZero(); }
+  }
   const auto frame = [&](int k) -> const MovedFrame& { return k < 0 ? inlet : frames[static_cast<std::size_t>(k)]; };
   Eigen::MatrixXd Mbar = Eigen::MatrixXd::Zero(6 + S::n_i, 6 + S::n_i);
   for (const CarriedBody<double>& carried : s.bodies()) {

@@ -39,6 +39,18 @@ struct MotionPattern {
   bool angular = true;  ///< S has angular rows
   bool offset = true;   ///< r is not zero
   bool bias = true;     ///< bias is not zero
+  /// S and bias are about the frame's origin instead of the coupling point, which moves there. Of one frame that slides far, with
+  /// no bodies on the inlet: what it carries is then about a point of its own. (A base that slides and turns in a plane, 1 km away:
+  /// B̂ 5.6e6 ε without, 1 with.)
+  bool about_frame = false;
+
+  /// Of a joint without bias whose S is the same about both points.
+  constexpr MotionPattern about_coupling_point() const
+  {
+    MotionPattern pattern = *this;
+    pattern.about_frame = false;
+    return pattern;
+  }
 };
 
 /// A body and the frame that carries it; frame −1 is the inlet (a motor housing on the parent's side).
@@ -130,11 +142,19 @@ constexpr bool is_fixed()
   return false;
 }
 
+/// Whether the coupling point goes to the origin that `motion` gives the frame.
+template <class S>
+constexpr bool follows_frame()
+{
+  static_assert(!S::pattern.about_frame || S::n_frames == 1, "MotionPattern::about_frame is for one frame");
+  return S::pattern.about_frame;
+}
+
 /// Whether FrameMass is about another point than the coupling point.
 template <class S>
 constexpr bool is_placed_off()
 {
-  return S::pattern.offset && !is_free<S>();
+  return S::pattern.offset && !is_free<S>() && !follows_frame<S>();
 }
 
 /// `rotors()`: std::array of Rotor.

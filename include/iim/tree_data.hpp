@@ -108,7 +108,12 @@ protected:
       std::visit(
           [&]<class S>(const S& s) {
             append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
-            for (const CarriedBody<Scalar>& carried : s.bodies()) { carry(carried); }
+            for (const CarriedBody<Scalar>& carried : s.bodies()) {
+              if (follows_frame<S>() && carried.frame < 0) {
+                throw ModelError("subsystem '" + part.name + "': a body on the inlet does not follow the frame (about_frame)");
+              }
+              carry(carried);
+            }
             if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
           },
           part.part);

@@ -69,7 +69,8 @@ struct Shape {
   static constexpr bool is_free = is_free_;
 };
 template <class S>
-using ShapeOf = Shape<typename S::Scalar, S::n_i, S::n_frames, S::pattern, is_free<S>(), along<S>() != Along::nothing>;
+using ShapeOf = Shape<typename S::Scalar, S::n_i, S::n_frames, S::pattern.about_coupling_point(), is_free<S>(),
+                      along<S>() != Along::nothing>;
 
 struct NoColumn {};
 

@@ -24,7 +24,7 @@ struct ElasticMotorArmOn {
   static constexpr int n_i = 2;
   static constexpr int n_u = 1;
   static constexpr int n_frames = 1;
-  static constexpr MotionPattern pattern = Joint::pattern;
+  static constexpr MotionPattern pattern = Joint::pattern.about_coupling_point();
   using Vector2 = Eigen::Matrix<Scalar, 2, 1>;
 
   Joint joint{};

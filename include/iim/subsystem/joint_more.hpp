@@ -1,6 +1,6 @@
 // Further joints of a rigid link: helical, cylindrical, universal, planar, spherical.
 //
-// For `r` and `bias` see FrameMotion: both belong to the point of the frame that is at the coupling point now.
+// Those that slide give S about the frame's own origin (MotionPattern::about_frame); for `bias` see FrameMotion.
 #pragma once
 
 #include <iim/errors.hpp>
@@ -37,7 +37,7 @@ struct Helical {
   using Scalar = Scalar_;
   static constexpr int n_q = 1;
   static constexpr int n_i = 1;
-  static constexpr MotionPattern pattern{.bias = false};
+  static constexpr MotionPattern pattern{.bias = false, .about_frame = true};
 
   Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes, through the coupling point
   Scalar lead = Scalar(0);                          ///< advance per angle [m/rad]
@@ -82,7 +82,7 @@ struct Cylindrical {
   using Scalar = Scalar_;
   static constexpr int n_q = 2;
   static constexpr int n_i = 2;
-  static constexpr MotionPattern pattern{.bias = false};
+  static constexpr MotionPattern pattern{.bias = false, .about_frame = true};
 
   Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes, through the coupling point
 
@@ -163,7 +163,7 @@ struct Planar {
   using Scalar = Scalar_;
   static constexpr int n_q = 3;
   static constexpr int n_i = 3;
-  static constexpr MotionPattern pattern{};
+  static constexpr MotionPattern pattern{.bias = false, .about_frame = true};
 
   Vector3<Scalar> normal = Vector3<Scalar>::UnitZ();  ///< unit vector in inlet axes
   Vector3<Scalar> x = Vector3<Scalar>::UnitX();       ///< unit vector in inlet axes, perpendicular to the normal
@@ -181,7 +181,7 @@ struct Planar {
     x_ = y_.cross(unit_.direction);
   }
 
-  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 3, 1>& q, const Eigen::Matrix<Scalar, 3, 1>& qd,
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 3, 1>& q, const Eigen::Matrix<Scalar, 3, 1>&,
               FrameMotion<Scalar, 3>& m) const
   {
     const detail::Triple<Scalar> w = unit_.in(R);
@@ -192,10 +192,7 @@ struct Planar {
       m.r(k) = q(0) * e1(k) + q(1) * e2(k);
       m.S(k, 0) = e1(k);
       m.S(k, 1) = e2(k);
-      m.S(k, 2) = q(1) * e1(k) - q(0) * e2(k);  // r × w
       m.S(k + 3, 2) = w(k);
-      m.bias(k) = qd(2) * qd(2) * m.r(k);       // −ω × (ω × r)
-      m.bias(k + 3) = Scalar(0);
     }
     return true;
   }

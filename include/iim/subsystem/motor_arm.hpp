@@ -44,7 +44,7 @@ struct MotorArmOn {
   static constexpr int n_i = 1;
   static constexpr int n_u = 1;
   static constexpr int n_frames = 1;
-  static constexpr MotionPattern pattern = Joint::pattern;
+  static constexpr MotionPattern pattern = Joint::pattern.about_coupling_point();
 
   Joint joint{};
   Body<Scalar> body{};
