@@ -184,9 +184,7 @@ private:
   [[gnu::always_inline]] static TriplePair<Scalar> gain(const NodeMemory<S>& state, int d)
   {
     const auto& W = state.W;
-    if constexpr (S::n_i == 1) {
-      return TriplePair<Scalar>::settled(W.data());
-    }
+    if constexpr (S::n_i == 1) { return TriplePair<Scalar>::settled(W.data()); }
     return {Triple<Scalar>(W(d, 0), W(d, 1), W(d, 2)), Triple<Scalar>(W(d, 3), W(d, 4), W(d, 5))};
   }
 

@@ -67,10 +67,10 @@ template <Scene scene, class Scalar>
   p.put(inlet.h.data());
 }
 
-/// Matrix form. receiver: the frame that takes what is handed on.
+/// Matrix form. receiver: the frame that takes what is handed on. (Inlined: called, a motor-arm's step takes 6 % longer.)
 template <Scene scene, class S, class Workspace>
-[[gnu::always_inline]] inline void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
-                   typename S::Scalar& largest_inverse)
+[[gnu::always_inline]] inline void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state,
+                                                 Workspace& ws, Diagnosis& diagnosis, typename S::Scalar& largest_inverse)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;

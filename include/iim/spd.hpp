@@ -10,18 +10,26 @@
 
 namespace iim::detail {
 
+/// Of scale, below which a pivot counts as zero: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in float; 160 once in a
+/// thousand states).
+template <class Scalar>
+Scalar pivot_tolerance()
+{
+  return Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
+}
+
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).
 ///
-/// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). M⁻¹ is wrong by up to
-/// 40 ε · scale / pivot (loaded arms in float; 160 once in a thousand states), so that a pivot below 192 ε of it counts as
-/// zero (and one below zero, where scale itself is a rounding). Returns whether all pivots are positive; if not, C is not to be used.
+/// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). A pivot below
+/// pivot_tolerance of it counts as zero (and one below zero, where scale itself is a rounding). Returns whether all pivots are
+/// positive; if not, C is not to be used.
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
                                                    const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
 {
   using std::min;
   using std::sqrt;
-  const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
+  const Scalar tolerance = pivot_tolerance<Scalar>();
   // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
   // too as in L Lᵀ (2 % of the biped's pass).
   bool positive = true;
@@ -67,7 +75,7 @@ bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar
   using std::min;
   using std::sqrt;
   if constexpr (n == 1) {
-    const Scalar tolerance = Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
+    const Scalar tolerance = pivot_tolerance<Scalar>();
     const bool positive = ScalarTraits<Scalar>::is_positive(min(D(0, 0), Scalar(D(0, 0) - tolerance * scale(0))));
     D_inv(0, 0) = Scalar(1) / D(0, 0);
     C(0, 0) = sqrt(D_inv(0, 0));

@@ -101,6 +101,7 @@ template <class Scalar>
 class Triple<Scalar> {
   using Vector [[gnu::vector_size(4 * sizeof(Scalar))]] = Scalar;
   using Half [[gnu::vector_size(2 * sizeof(Scalar))]] = Scalar;
+  /// What it is stored as; unlike bytes, not to be taken for other than Scalars (kinematics of a joint: 5 of 204 instructions).
   using HalfInMemory [[gnu::vector_size(2 * sizeof(Scalar)), gnu::aligned(sizeof(Scalar))]] = Scalar;
 
 public:

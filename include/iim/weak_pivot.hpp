@@ -13,7 +13,7 @@
 //
 //     A' = E (A − ½ (U W + Wᵀ Uᵀ)) E,        E = 1 − S Sᵀ
 //
-// however weak the pivot: joints about one line with a light link between them lose what that link is lighter by (10⁻³: 2500 ε
+// however weak the pivot, if it does not count as zero: joints about one line with a light link between them lose what that link is lighter by (10⁻³: 2500 ε
 // of B̂, with this 3). It is for the first weak pivot on the way inward, and for those behind it along whose axis it has lost
 // nothing (roundings.hpp), as in joints about one line. In others the roundings of A, U and D hang together, and are better left
 // together (masses × 10 per link, 12 links: thirty times worse with this than without; B̂ of an arm under a load of 10⁶ kg a
@@ -35,6 +35,7 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
+#include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -82,6 +83,7 @@ template <class S, class Data>
     const Scalar along = along_loss(&ws.frame(node.frame), state)(0);
     if (!ScalarTraits<Scalar>::is_positive(D - Scalar(1024) * along * along)) { return Scalar(0); }
   }
+  if (!ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale)) { return Scalar(0); }
   // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
   if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * largest_inverse)) { return Scalar(0); }
   for (const SpunRotor<S>& rotor : spun) {  // A' S = 0 is for joints without inertia of their own
