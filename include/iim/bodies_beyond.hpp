@@ -91,26 +91,19 @@ template <class Lane, class Scalar, class Sum>
   }
 }
 
-/// Of all subsystems of a workspace. A copy does not know where they are, and neither does what was moved.
+/// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
 template <class Scalar>
 class BodiesBeyond {
   struct Found {
     bool yes = false;
 
     Found() = default;
-    Found(const Found&) {}
-    Found(Found&& other) noexcept { other.yes = false; }
-    Found& operator=(const Found&)
+    Found(const Found&) noexcept {}
+    Found& operator=(const Found&) noexcept
     {
       yes = false;
       return *this;
     }
-    Found& operator=(Found&& other) noexcept
-    {
-      yes = other.yes = false;
-      return *this;
-    }
-    ~Found() = default;
   };
 
 public:

@@ -62,8 +62,7 @@ struct ColumnBlock {
     column[2] = column[2] - a * b.template all<2>();
   }
   /// this·r̃.
-  template <class Factors>
-  [[gnu::always_inline]] ColumnBlock times_skew(const Factors& r) const
+  [[gnu::always_inline]] ColumnBlock times_skew(const Vector3<Scalar>& r) const
   {
     return {{column[1] * r(2) - column[2] * r(1), column[2] * r(0) - column[0] * r(2), column[0] * r(1) - column[1] * r(0)}};
   }

@@ -13,8 +13,8 @@
 //
 //     A' = E (A − ½ (U W + Wᵀ Uᵀ)) E,        E = 1 − S Sᵀ
 //
-// however weak the pivot, if it does not count as zero: joints about one line with a light link between them lose what that link is lighter by (10⁻³: 2500 ε
-// of B̂, with this 3). It is for the first weak pivot on the way inward, and for those behind it along whose axis it has lost
+// however weak the pivot, if it does not count as zero: joints about one line with a light link between them lose what that link
+// is lighter by (10⁻³: 2500 ε of B̂, with this 3). It is for the first weak pivot on the way inward, and for those behind it along whose axis it has lost
 // nothing (roundings.hpp), as in joints about one line. In others the roundings of A, U and D hang together, and are better left
 // together (masses × 10 per link, 12 links: thirty times worse with this than without; B̂ of an arm under a load of 10⁶ kg a
 // thousand times better, but its q̈₀ twice as bad).
