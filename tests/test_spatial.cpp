@@ -127,17 +127,18 @@ TEST_CASE("rows compressed to six keep NᵀN and Nᵀz, small rows beside large 
   constexpr std::size_t most = 17;
   for (int count : {3, 6, 7, 11, 17}) {
     for (double heavy : {1.0, 1e3, 1e12}) {
-      std::array<detail::RootRow<double>, most> rows;
+      detail::RootRows<double, most> rows;
+      rows.open(count);
       Eigen::Matrix<long double, 7, 7> before = Eigen::Matrix<long double, 7, 7>::Zero();
       for (int r = 0; r < count; ++r) {
-        auto& row = rows[static_cast<std::size_t>(r)];
-        row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        const detail::RootRow<double> row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        rows.put_row(r, row);
         const Eigen::Matrix<long double, 7, 1> n = row.head<7>().matrix().cast<long double>();
         before += n * n.transpose();
       }
       std::array<detail::RootRow<double>, 6> result;
       std::array<int, 6> pivot{};
-      const int left = detail::compress<6, most>(rows.data(), count, result.data(), pivot);
+      const int left = detail::compress<6>(rows, result, pivot);
       CHECK(left == std::min(count, 6));
       for (int r = 0; r < left; ++r) {
         for (int k = 0; k < r; ++k) {
@@ -167,20 +168,28 @@ TEST_CASE("rows with v first: T, N₁, z₁ and then [N' | z' | 0], nothing drow
 {
   for (int count : {2, 6, 7, 11, 17}) {
     for (double heavy : {1.0, 1e3, 1e12}) {
-      std::array<detail::RootRow<double>, 17 + detail::abreast> rows;
+      detail::RootRows<double, 17> rows;
+      rows.open(count);
       Eigen::Matrix<long double, 8, 8> before = Eigen::Matrix<long double, 8, 8>::Zero();
       for (int r = 0; r < count; ++r) {
-        auto& row = rows[static_cast<std::size_t>(r)];
-        row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        const detail::RootRow<double> row = random<Eigen::Array<double, 8, 1>>() * (r % 3 == 1 ? heavy : 1.0);
+        rows.put_row(r, row);
         const Eigen::Matrix<long double, 8, 1> n = row.matrix().cast<long double>();
         before += n * n.transpose();
       }
-      detail::eliminate_along(rows.data(), count);
-      Eigen::Matrix<long double, 8, 8> after = Eigen::Matrix<long double, 8, 8>::Zero();
+      detail::Reflection<double, 8> reflection;
+      REQUIRE(detail::find_reflection<true>(rows, detail::along_S, reflection));
+      detail::reflect(rows, reflection, [](const auto&, Eigen::Index) {});
+      const detail::RootRow<double> top = reflection.row();
+      const Eigen::Matrix<long double, 8, 1> first = top.matrix().cast<long double>();
+      Eigen::Matrix<long double, 8, 8> after = first * first.transpose();
       for (int r = 0; r < count; ++r) {
-        const auto& row = rows[static_cast<std::size_t>(r)];
-        if (r > 0) { CHECK(row(detail::along_S) == 0); }
-        const Eigen::Matrix<long double, 8, 1> n = row.matrix().cast<long double>();
+        CHECK(*rows.at(detail::along_S, r) == 0);
+        Eigen::Matrix<long double, 8, 1> n;
+        for (int c = 0; c < 8; ++c) {
+          n(c) = *rows.at(c, r);
+          if (r == reflection.pivot) { CHECK(n(c) == 0); }
+        }
         after += n * n.transpose();
       }
       for (int i = 0; i < 8; ++i) {

@@ -49,6 +49,7 @@ struct BodyRoot {
   Scalar root_mass = Scalar(0);                       ///< √m
   Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< in the frame
   Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame
+  Matrix3<Scalar> to_axes = Matrix3<Scalar>::Identity();  ///< its transpose
   Vector3<Scalar> root_moment = Vector3<Scalar>::Zero();  ///< √θ, zeros last
   Vector3<Scalar> gyration = Vector3<Scalar>::Zero();     ///< (θ_j − θ_i) / √θ_k, k, i, j cyclic
   Vector3<Scalar> linear = Vector3<Scalar>::Zero();   ///< N_b S of an own_twist(): the first three, in the frame's axes
@@ -80,6 +81,7 @@ struct BodyRoot {
       }
     }
     axes.col(2) = axes.col(0).cross(axes.col(1));
+    to_axes = axes.transpose();
     rows = 3;
     for (int k = 0; k < 3; ++k) {
       if (moment(k) > roundings) {

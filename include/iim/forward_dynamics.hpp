@@ -63,7 +63,7 @@ public:
         if constexpr (Data::update == Update::square_root) {
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
           for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) {
-            ws_.root(input.frame).row[static_cast<std::size_t>(k)](rhs) += z(k);
+            ws_.root(input.frame).own.at(rhs, k) += z(k);
           }
         } else {
           arrive<scene.velocity>(input.frame, ws_);
@@ -254,6 +254,7 @@ public:
     if constexpr (Workspace::update == Update::square_root) {
       for (const FreeAxis<Scalar>& axis : ws.free_axes()) { set_free_axis(axis, ws_); }
       ws.clear_tapes();
+      ws.clear_rows();
     }
     ws.find_bodies();
     Scalar largest_inverse(0);

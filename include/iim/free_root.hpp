@@ -45,10 +45,15 @@ void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& 
   N.h.setZero();
   N.h_along = Scalar(0);
   N.scale = Scalar(0);
-  for (int k = 0; k < N.rows; ++k) {
-    RootRow<Scalar>& n = N.row[static_cast<std::size_t>(k)];
-    n(along_S) = (n(0) * N.S(0) + n(1) * N.S(1) + n(2) * N.S(2)) + (n(3) * N.S(3) + n(4) * N.S(4) + n(5) * N.S(5));
-    for (int i = 0; i < 6; ++i) { N.scale += abs(n(i) * N.S(i)); }
+  const BodyRoot<Scalar>& body = ws.frame_body(axis.frame);
+  for (int k = 0; k < body.rows; ++k) {
+    Scalar along(0);
+    for (int i = 0; i < 6; ++i) {
+      const Scalar part = N.own.at(i, k) * N.S(i);
+      along += part;
+      N.scale += abs(part);
+    }
+    N.own.at(along_S, k) = along;
   }
 }
 
@@ -88,31 +93,28 @@ private:
   RootRow<Scalar> at_column_, at_end_, others_;
 };
 
-/// Q [N E  v  z] = [N₁  z₁] of the rows on a free frame, and G, which takes the memory of its first rows, the rate's row last.
-/// N₁ and z₁: as they are without the exchange. False if N₁ is singular up to roundings.
+/// Q [N E  v  z] = [N₁  z₁] of the rows on a free frame, and G, the rate's row last. N₁ and z₁: as they are without the
+/// exchange. False if N₁ is singular up to roundings.
 template <class Scalar>
-bool eliminate_free(RootInertia<Scalar>& inertia, std::array<RootRow<Scalar>, 6>& N, RowTape<Scalar>* tape)
+bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::Rows& rows, std::array<RootRow<Scalar>, 6>& N,
+                    RowTape<Scalar>* tape)
 {
   using std::abs;
-  constexpr int most = RootInertia<Scalar>::most;
   const bool keeps_v = inertia.keeps_v;
   const int p = keeps_v ? exchanged(inertia.S) : 0;
   const Exchange<Scalar> exchange(p);
-  const int count = inertia.rows;
-  if (count < 6) { return false; }
-  RootRow<Scalar> scale = RootRow<Scalar>::Zero();
-  for (int r = 0; r < count; ++r) {
-    RootRow<Scalar>& n = inertia.row[static_cast<std::size_t>(r)];
-    scale += n.abs();
-    if (keeps_v) { n = exchange(n); }
+  if (rows.count < 6) { return false; }
+  RootRow<Scalar> scale = size_of_columns(rows);
+  if (keeps_v) {
+    scale(p) = inertia.scale;
+    std::swap_ranges(rows.at(p, 0), rows.at(p, rows.end()), rows.at(along_S, 0));
   }
-  if (keeps_v) { scale(p) = inertia.scale; }
   std::array<int, 6> pivot{};
-  const int rank = in_one_function<Scalar>(
-      [&] { return compress<6, static_cast<std::size_t>(most)>(inertia.row.data(), count, N.data(), pivot, 6, tape); });
+  if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
+  const int rank = in_one_function<Scalar>([&] { return compress<6>(rows, N, pivot, 6, tape, rows.count); });
   if (rank < 6) { return false; }
   bool regular = true;
-  std::array<RootRow<Scalar>, most + RootInertia<Scalar>::within + abreast>& G = inertia.row;
+  std::array<RootRow<Scalar>, 7>& G = inertia.G;
   for (int k = 5; k >= 0; --k) {
     const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
     const int row = pivot[static_cast<std::size_t>(k)];
@@ -160,14 +162,14 @@ void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diag
                 "a free subsystem is one frame with nothing within");
   RootInertia<Scalar>& inertia = ws.root(node.frame);
   const FrameState<Scalar>& f = ws.frame(node.frame);
-  const auto& G = inertia.row;
+  const auto& G = inertia.G;
   const bool keeps_v = inertia.keeps_v;
   std::array<RootRow<Scalar>, 6> N_1;
-  if (!eliminate_free(inertia, N_1, ws.tape(node.index))) {
+  if (!eliminate_free(inertia, ws.rows(node.frame), N_1, ws.tape(node.index))) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     const RootRow<Scalar> nothing = RootRow<Scalar>::Constant(std::numeric_limits<Scalar>::quiet_NaN());
     N_1.fill(nothing);
-    std::fill(inertia.row.begin(), inertia.row.begin() + free_rate + 1, nothing);
+    inertia.G.fill(nothing);
   }
   // (E b; rate) = G (z₁ − Gᵀ (h; Sᵀh)), with the forces on the velocities themselves in h
   Vector6<Scalar> h = f.h;

@@ -24,33 +24,40 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
   if (!inlet.keeps_v) { return; }
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
-  shared.difference = shift_twist(state.r, inlet.S);
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  TriplePair<Scalar> difference{zero, zero};
   shared.share = shared.undone = shared.slip = Scalar(0);
+  const TriplePair<Scalar> of_inlet(inlet.S.data());
   if constexpr (one_column<S, Workspace>) {
     if (inlet.apart_along == node.index) {
-      shared.difference.setZero();
+      difference.put(shared.difference.data());
       shared.share = Scalar(1);
       shared.undone = undone;
       shared.slip = slip;
       return;
     }
-    const Vector6<Scalar>& own = state.S_k[0];
-    constexpr int part = S::pattern.angular ? 3 : 0;
-    const auto along_own = [&](const Vector6<Scalar>& x) {
-      return Scalar(x(part) * own(part) + x(part + 1) * own(part + 1) + x(part + 2) * own(part + 2));
+  }
+  difference = {of_inlet.linear + cross(of_inlet.angular, Triple<Scalar>(state.r.data())), of_inlet.angular};
+  if constexpr (one_column<S, Workspace>) {
+    const TriplePair<Scalar> own(state.S_k[0].data());
+    const auto along_own = [&](const TriplePair<Scalar>& x) __attribute__((always_inline)) {
+      if constexpr (S::pattern.angular) {
+        return dot(x.angular, own.angular);
+      } else {
+        return dot(x.linear, own.linear);
+      }
     };
     // First a whole share, which subtracts without a rounding if the axes are close, then what is left of it.
-    const Scalar cosine = along_own(inlet.S), half(0.5);
+    const Scalar cosine = along_own(of_inlet), half(0.5);
     const Scalar whole(cosine > half ? 1 : cosine < -half ? -1 : 0);
-#pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { shared.difference(k) -= whole * own(k); }
-    const Scalar rest = along_own(shared.difference);
-#pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { shared.difference(k) -= rest * own(k); }
+    difference -= own * whole;
+    const Scalar rest = along_own(difference);
+    difference -= own * rest;
     shared.share = whole + rest;
     shared.undone = shared.share * undone;
     shared.slip = shared.share * slip;
   }
+  difference.put(shared.difference.data());
 }
 
 /// Whether S of a subsystem and of its inlet are about one line, where a body of six rows does not keep the latter's v from
@@ -79,9 +86,7 @@ template <class S, class Workspace>
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   const Vector6<Scalar>&T = ws.shared_axis(node.index).difference, &own = state.S_k[0], &inlet_S = inlet.S;
   const bool moves = (abs(T(0)) + abs(T(1))) + abs(T(2)) > Scalar(0), turns = (abs(T(3)) + abs(T(4))) + abs(T(5)) > Scalar(0);
-  const RootInertia<Scalar>& N = ws.root(node.frame);
-  RootRow<Scalar> size = RootRow<Scalar>::Zero();
-  for (int r = 0; r < N.rows; ++r) { size += N.row[static_cast<std::size_t>(r)].abs(); }
+  const RootRow<Scalar> size = size_of_columns(ws.rows(node.frame));
   Scalar scale(0);
   for (int k = 0; k < 3; ++k) {
     const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -94,13 +99,10 @@ template <class S, class Workspace>
 
 /// Σ |n| of the rows on a subsystem's frames.
 template <class Workspace>
-[[gnu::noinline, gnu::cold]] auto size_of_rows(const Node& node, int frames, const Workspace& ws)
+[[gnu::noinline, gnu::cold]] auto size_of_rows(const Node& node, int frames, Workspace& ws)
 {
   RootRow<typename Workspace::Scalar> size = RootRow<typename Workspace::Scalar>::Zero();
-  for (int k = 0; k < frames; ++k) {
-    const auto& N = ws.root(node.frame + k);
-    for (int r = 0; r < N.rows; ++r) { size += N.row[static_cast<std::size_t>(r)].abs(); }
-  }
+  for (int k = 0; k < frames; ++k) { size += size_of_columns(ws.rows(node.frame + k)); }
   return size;
 }
 
@@ -122,19 +124,19 @@ template <class Workspace>
 
 /// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of S_i.
 template <class S, class Workspace>
-void put_wrench(const Node& node, const NodeState<S>& state, const Vector6<typename S::Scalar>& h,
-                const typename S::Scalar& load, Workspace& ws)
+[[gnu::always_inline]] inline void put_wrench(const Node& node, const NodeState<S>& state,
+                                              const TriplePair<typename S::Scalar>& h, const typename S::Scalar& load,
+                                              Workspace& ws)
 {
-  RootInertia<typename S::Scalar>& inlet = ws.root(node.inlet);
-  if (!inlet.keeps_v) {
-    add(ws.frame(node.inlet).h, shift_wrench(state.r, h));
-    return;
-  }
-  const SharedAxis<typename S::Scalar>& shared = ws.shared_axis(node.index);
-  add(inlet.h, shift_wrench(state.r, h));
-  inlet.h_along += shared.share * load;
-#pragma GCC unroll 8
-  for (int k = 0; k < 6; ++k) { inlet.h_along += shared.difference(k) * h(k); }
+  using Scalar = typename S::Scalar;
+  RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  Scalar* const to = inlet.keeps_v ? inlet.h.data() : ws.frame(node.inlet).h.data();
+  TriplePair<Scalar> sum(to);
+  sum += TriplePair<Scalar>(h.linear, h.angular + cross(Triple<Scalar>(state.r.data()), h.linear));
+  sum.put(to);
+  if (!inlet.keeps_v) { return; }
+  const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
+  inlet.h_along += shared.share * load + dot(TriplePair<Scalar>(shared.difference.data()), h);
 }
 
 /// √m of the heaviest body that the frames of S carry.
@@ -147,85 +149,128 @@ typename S::Scalar heaviest(const Node& node, const Workspace& ws)
   return root;
 }
 
-/// The rows that are left, and those of bodies on the inlet, seen from the parent's point. `known`: acceleration of the
-/// frame that the rows do not contain yet; `turning`: part of z of the inlet bodies' moments; `tape`: of what leaves the rows,
-/// `first` the first of them there.
-template <Scene scene, class S, class Workspace>
-void stack_on_inlet(
-    const Node& node, const NodeState<S>& state, const RootRow<typename S::Scalar>* left, int count, bool inlet_bodies,
-    Workspace& ws, RowTape<typename S::Scalar>* tape, int first, [[maybe_unused]] int within = 0,
-    Vector6<typename S::Scalar> known = Vector6<typename S::Scalar>::Zero(),
-    [[maybe_unused]] const Vector3<typename S::Scalar>& turning = Vector3<typename S::Scalar>::Zero())
+/// The rows of a frame's own body, before any others.
+template <class Workspace>
+[[gnu::always_inline]] inline void begin_rows(Eigen::Index frame, Workspace& ws)
+{
+  auto& rows = ws.rows(frame);
+  if (rows.count > 0) { return; }
+  const auto& own = ws.root(frame).own.rows;
+#pragma GCC unroll 8
+  for (int r = 0; r < own.most; r += own.lanes) {
+#pragma GCC unroll 8
+    for (int c = 0; c < 8; ++c) { put_rows<typename Workspace::Scalar>(rows_at(own.at(c, r)), rows.at(c, r)); }
+  }
+  rows.count = own.count;
+}
+
+/// Compressed rows in place of others.
+template <class Scalar, int most, std::size_t steps>
+void put_compressed(const std::array<RootRow<Scalar>, steps>& result, int count, RootRows<Scalar, most>& rows)
+{
+  rows.count = 0;
+  rows.open(count);
+  for (int k = 0; k < count; ++k) { rows.put_row(k, result[static_cast<std::size_t>(k)]); }
+}
+
+/// What a subsystem leaves beside its rows.
+template <class Scalar, int n_within>
+struct LeftWithin {
+  std::array<SingleRow<Scalar>, static_cast<std::size_t>(n_within)> row;  ///< of rotors and springs
+  int count = 0;
+  TriplePair<Scalar> known;  ///< acceleration of the frame that the rows do not contain yet
+  Triple<Scalar> turning;    ///< part of z of the inlet bodies' moments
+
+  LeftWithin()
+  {
+    turning = Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0));
+    known = {turning, turning};
+  }
+};
+
+/// The rows that are left, n(r) those from row r on, `count`, of which the one at `hole` is no more, and those of bodies on the inlet, seen
+/// from the parent's point. `tape`: of what leaves the rows, `from` the first of them there, `within_from` the first of what lies
+/// within.
+template <Scene scene, class S, class Workspace, class Rows, int n_within>
+[[gnu::always_inline]] inline void stack_on_inlet(const Node& node, const NodeState<S>& state, Rows&& n, Eigen::Index count,
+                                                  Eigen::Index hole,
+                                                  bool inlet_bodies, Workspace& ws,
+                                                  const LeftWithin<typename S::Scalar, n_within>& left,
+                                                  RowTape<typename S::Scalar>* tape, Eigen::Index from,
+                                                  Eigen::Index within_from)
 {
   using std::abs;
   using std::max;
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  constexpr int capacity = RootInertia<Scalar>::most;
-  constexpr int most = capacity + capacity + BodyRoot<Scalar>::most_rows;  // the inlet's, of one frame, of its bodies
+  auto& onto = ws.rows(node.inlet);
   const BodyRoot<Scalar>& body = ws.inlet_body(node.index);
   const int body_rows = inlet_bodies ? body.rows : 0;
-  const Vector6<Scalar> none = Vector6<Scalar>::Zero();
-  const Vector6<Scalar> T = inlet.keeps_v ? ws.shared_axis(node.index).difference : none;
-  if constexpr (scene.velocity) {
-#pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { known(i) += state.c(i); }
-  }
-  const int rows = inlet.rows + count + body_rows;
-  const bool fits = rows <= capacity;
+  begin_rows(node.inlet, ws);
   RowTape<Scalar>* const inlet_tape = ws.frame_tape(node.inlet);
-  if (tape != nullptr) [[unlikely]] { tape->arrival = {first, count, inlet.rows, inlet_tape->size()}; }
-  std::array<RootRow<Scalar>, most> stack;
-  if (!fits) { std::copy(inlet.row.begin(), inlet.row.begin() + inlet.rows, stack.begin()); }
-  RootRow<Scalar>* row = (fits ? inlet.row.data() : stack.data()) + inlet.rows;
-  const RowMove<Scalar> move = row_move(state.r, known, T);
-  RootRow<Scalar> size = RootRow<Scalar>::Zero();
-  for (int r = 0; r < count; ++r, ++row) {
-    size += left[r].abs();
-    *row = moved(left[r], move);
-  }
-  if (inlet.keeps_v) {
-    if constexpr (one_column<S, Workspace> && has_within<S>()) {  // the last rows, of what lies within: n S_i is not 0
-      const Scalar& share = ws.shared_axis(node.index).share;
-      for (int r = 1; r <= within; ++r) {
-        Scalar along(0), whole(0);
-#pragma GCC unroll 8
-        for (int k = S::pattern.linear ? 0 : 3; k < (S::pattern.angular ? 6 : 3); ++k) {
-          const Scalar x = left[count - r](k) * state.S_k[0](k);
-          along += x;
-          whole += abs(x);
-        }
-        row[-r](along_S) += along * share;
-        inlet.scale += whole * abs(share);
-      }
+  constexpr int lanes = rows_abreast<Scalar>;
+  if (onto.end() + count + left.count + body_rows + 2 * lanes > onto.most) [[unlikely]] {
+    std::array<RootRow<Scalar>, 6> result;
+    std::array<int, 6> pivot;
+    const Eigen::Index before = onto.count;
+    const int rank = compress<6>(onto, result, pivot, 6, inlet_tape, before);
+    if (inlet_tape != nullptr) [[unlikely]] {
+      inlet_tape->move(before, 0, rank);
+      inlet_tape->cut(rank);
     }
-    Scalar moved_scale(0);
-#pragma GCC unroll 8
-    for (int k = 0; k < 6; ++k) { moved_scale += size(k) * abs(T(k)); }
-    inlet.scale += moved_scale;
+    put_compressed(result, rank, onto);
   }
+  RowMove<Scalar> move;
+  move.r = state.r;
+  TriplePair<Scalar> known = left.known;
+  if constexpr (scene.velocity) { known.linear += Triple<Scalar>::settled(state.c.data()); }
+  known.put(move.known.data());
+  if (inlet.keeps_v) {
+    TriplePair<Scalar>(ws.shared_axis(node.index).difference.data()).put(move.T.data());
+  } else {
+    move.T.setZero();
+  }
+  const Eigen::Index to = onto.end();
+  move_rows<false>(n, count, move, onto, inlet.scale);
+  if (tape != nullptr) [[unlikely]] {
+    const bool in_hole = hole >= 0;
+    tape->arrival = {from, count, to, within_from, left.count, in_hole ? to + hole : onto.count, onto.count + (in_hole ? 0 : 1),
+                     inlet_tape->size()};
+  }
+  if constexpr (n_within > 0) {
+    for (int k = 0; k < left.count; ++k) {
+      const SingleRow<Scalar>& row = left.row[static_cast<std::size_t>(k)];
+      SingleRow<Scalar> there = moved(row, move, inlet.scale);
+      if (inlet.keeps_v) {  // n S_i is not 0
+        const Scalar& share = ws.shared_axis(node.index).share;
+        const TriplePair<Scalar> own(state.S_k[0].data());
+        there.v += dot(row.n, own) * share;
+        inlet.scale += dot_of_sizes(row.n, own) * abs(share);
+      }
+      if (hole < 0) { onto.open(1); }
+      onto.put_row(hole < 0 ? onto.count - 1 : to + hole, there);
+      hole = -1;
+    }
+  }
+  if (hole >= 0) { onto.put_row(to + hole, SingleRow<Scalar>::zero()); }
+  inlet.heaviest = max(inlet.heaviest, heaviest<S>(node, ws));
   if (body_rows > 0) {
     const Vector3<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+    const Vector6<Scalar> none = Vector6<Scalar>::Zero();
     const Vector6<Scalar> column = inlet.keeps_v ? shift_twist(state.r, inlet.S) : none;
     Scalar scale;
-    place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, row, scale);
+    OwnRows<Scalar> own;
+    own.set(body);
+    place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, own, scale);
     if (inlet.keeps_v) { inlet.scale += scale; }
     if constexpr (scene.velocity && rotor_count<S>() > 0) {
-      for (int k = 3; k < body_rows; ++k) { row[k](rhs) += turning(k - 3); }
+      for (int k = 3; k < body_rows; ++k) { own.at(rhs, k) += left.turning(k - 3); }
     }
-    Vector6<Scalar> c = none;
-    if constexpr (scene.velocity) { c.template head<3>() = state.c; }
-    const RowMove<Scalar> body_move = row_move(state.r, c, none);
-    for (int r = 0; r < body_rows; ++r, ++row) { *row = moved(*row, body_move); }
-  }
-  inlet.heaviest = max(inlet.heaviest, heaviest<S>(node, ws));
-  if (body_rows > 0) { inlet.heaviest = max(inlet.heaviest, body.root_mass); }
-  if (fits) {
-    inlet.rows = rows;
-  } else {
-    std::array<int, 6> pivot;
-    inlet.rows = in_one_function<Scalar>([&] { return compress<6, most>(stack.data(), rows, inlet.row.data(), pivot, 6, inlet_tape); });
-    if (inlet_tape != nullptr) [[unlikely]] { inlet_tape->cut(inlet.rows); }
+    move.known = none;
+    if constexpr (scene.velocity) { move.known.template head<3>() = state.c; }
+    move.T = none;
+    move_rows<true>([&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<8>(own.rows, r); }, body_rows, move, onto, scale);
+    inlet.heaviest = max(inlet.heaviest, body.root_mass);
   }
 }
 

@@ -288,18 +288,21 @@ template <Scene scene, class S, class Workspace>
 void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
 {
   using Scalar = typename S::Scalar;
-  if (node.inlet < 0) { return; }
+  if (node.inlet < 0) {
+    if constexpr (Workspace::update == Update::square_root) {
+      for (int k = 0; k < S::n_frames; ++k) { ws.rows(node.frame + k).count = 0; }
+    }
+    return;
+  }
   [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
 #pragma GCC unroll 2
   for (int k = 0; k < S::n_frames; ++k) {
     FrameState<Scalar>& f = ws.frame(node.frame + k);
     if constexpr (Workspace::update == Update::square_root) {
-      Vector6<Scalar> p = f.h;
-      const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
       share_axis<S>(node, state, false, ws);
-      put_wrench<S>(node, state, p, Scalar(0), ws);
-      RowTape<Scalar>* const tape = ws.frame_tape(node.frame + k);
-      in_one_function<Scalar>([&] { stack_on_inlet<scene>(node, state, N_k.row.data(), N_k.rows, k == 0, ws, tape, 0); });
+      put_wrench<S>(node, state, TriplePair<Scalar>(f.h.data()), Scalar(0), ws);
+      in_one_function<Scalar>([&] { fixed_root_inward<scene>(node, state, k, ws); });
+      ws.rows(node.frame + k).count = 0;
     } else {
       Carried<Scalar> all;
       if constexpr (bodies_first<Scalar>) {

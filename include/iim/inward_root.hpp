@@ -19,6 +19,24 @@
 
 namespace iim::detail {
 
+/// Rows compressed to `rank`, which are on the tape from `out` on, and stacked on the inlet.
+template <Scene scene, class S, class Workspace, class Rows, int n_within>
+[[gnu::noinline]] void compress_on_inlet(const Node& node, const NodeState<S>& state, Rows& rows, int rank, bool inlet_bodies,
+                                         Workspace& ws, const LeftWithin<typename S::Scalar, n_within>& left,
+                                         RowTape<typename S::Scalar>* tape, Eigen::Index out,
+                                         Eigen::Index within_from)
+{
+  using Scalar = typename S::Scalar;
+  std::array<RootRow<Scalar>, 6> result;
+  std::array<int, 6> pivot;
+  rank = in_one_function<Scalar>([&] { return compress<6>(rows, result, pivot, rank, tape, out); });
+  RootRows<Scalar, 6> compressed;
+  put_compressed(result, rank, compressed);
+  const auto n = [&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<7>(compressed, r); };
+  in_one_function<Scalar>(
+      [&] { stack_on_inlet<scene>(node, state, n, rank, -1, inlet_bodies, ws, left, tape, out, within_from); });
+}
+
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
 template <Scene scene, class S, class Workspace>
 void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
@@ -31,18 +49,23 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   constexpr bool keeps_v = one_column<S, Workspace>;
   constexpr int n_within = rotor_count<S>() + (scene.implicit ? spring_count<S>() : 0);
   static_assert(n_within <= RootInertia<Scalar>::most_within);
-  constexpr int room = RootInertia<Scalar>::most * S::n_frames + n_within;
-  constexpr int most = room + abreast;
+  constexpr int room = RootInertia<Scalar>::Rows::most * S::n_frames + (keeps_v ? 0 : n_within);
+  constexpr std::size_t padded = Reflection<Scalar, 7 + n_i>::padded;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
 
   // [N | z | v] over the frames, copied with v beside it if it has several columns; and applied forces.
   constexpr bool has_known = has_bias<scene, S>(0) || has_bias<scene, S>(3);
-  std::array<RootRow<Scalar>, keeps_v ? 1 : most> own_rows;
-  [[maybe_unused]] std::array<VectorI, keeps_v ? 1 : most> v;
-  RootRow<Scalar>* const rows = keeps_v ? ws.root(node.frame).row.data() : own_rows.data();
-  int count = 0;
+  std::conditional_t<keeps_v, RootRows<Scalar, 1>, RootRows<Scalar, room, 7 + n_i>> own_rows;
+  auto& rows = [&]() -> auto& {
+    if constexpr (keeps_v) {
+      return ws.rows(node.frame);
+    } else {
+      return own_rows;
+    }
+  }();
+  LeftWithin<Scalar, keeps_v ? n_within : 0> left;  // rows of what lies within, if they are not among the others
   RowTape<Scalar>* const tape = ws.tape(node.index);
-  Vector6<Scalar> hg;
+  TriplePair<Scalar> hg;
   VectorI hq, scale;
   [[maybe_unused]] Scalar along_h(0);  // S h
 #pragma GCC unroll 8
@@ -53,60 +76,81 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   for (int k = 0; k < S::n_frames; ++k) {
     const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
     const FrameState<Scalar>& f = ws.frame(node.frame + k);
-    const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-    if constexpr (keeps_v) { count = N_k.rows; }
-    if constexpr (S::n_frames > 1) {
-      if (tape != nullptr) [[unlikely]] { ws.frame_tape(node.frame + k)->move(0, count, N_k.rows); }
-    }
-    for (int r = 0; r < N_k.rows && !keeps_v; ++r, ++count) {
-      RootRow<Scalar>& n = rows[count];
-      n = N_k.row[static_cast<std::size_t>(r)];
-      for (int d = 0; d < n_i; ++d) {
-        v[static_cast<std::size_t>(count)](d) = column_dot<pattern>(S_k, d, n(0), n(1), n(2), n(3), n(4), n(5));
-        for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) { scale(d) += abs(S_k(i, d) * n(i)); }
+    if constexpr (!keeps_v) {
+      const auto& rows_k = ws.rows(node.frame + k);
+      const Eigen::Index begin = rows.end();
+      if constexpr (S::n_frames > 1) {
+        if (tape != nullptr) [[unlikely]] { ws.frame_tape(node.frame + k)->move(0, begin, rows_k.count); }
       }
-      if constexpr (has_known) { n(rhs) = without_known(n, f.bias); }
-    }
+      for (Eigen::Index r = 0; r < rows_k.count; r += rows.lanes) {
+        auto n = columns_at<7>(rows_k, r);
+        for (int d = 0; d < n_i; ++d) {
+          auto along = no_rows<Scalar>(), size = along;
 #pragma GCC unroll 8
-    for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, f.h); }
+          for (int i = pattern.linear ? 0 : 3; i < (pattern.angular ? 6 : 3); ++i) {
+            const auto part = n[static_cast<std::size_t>(i)] * S_k(i, d);
+            along += part;
+            size += size_of_rows<Scalar>(part);
+          }
+          put_rows<Scalar>(along, rows.at(7 + d, begin + r));
+          scale(d) += sum_of_rows<Scalar>(size);
+        }
+        if constexpr (has_known) {
+#pragma GCC unroll 8
+          for (int i = 0; i < 6; ++i) { n[rhs] -= n[static_cast<std::size_t>(i)] * f.bias(i); }
+        }
+        for (int c = 0; c < 7; ++c) { put_rows<Scalar>(n[static_cast<std::size_t>(c)], rows.at(c, begin + r)); }
+      }
+      rows.count = begin + rows_k.count;
+    }
+    const TriplePair<Scalar> h(f.h.data());
+#pragma GCC unroll 8
+    for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, h); }
     if (k == 0) {
-      hg = f.h;
+      hg = h;
     } else {
-      add(hg, f.h);
+      hg += h;
     }
   }
   if constexpr (keeps_v) {
     const RootInertia<Scalar>& N_0 = ws.root(node.frame);
     scale(0) = N_0.scale;
     hq(0) += N_0.h_along;
-    along_h = column_dot<pattern>(state.S_k[0], 0, ws.frame(node.frame).h) + N_0.h_along;
-    add(hg, N_0.h);
+    along_h = column_dot<pattern>(state.S_k[0], 0, hg) + N_0.h_along;
+    hg += TriplePair<Scalar>(N_0.h.data());
   }
   // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in it.
+  std::array<std::array<Scalar, padded>, static_cast<std::size_t>(n_i)> top;  // [N₁ | z₁ | T]
+  [[maybe_unused]] Reflection<Scalar, 8> reflection;
+  [[maybe_unused]] SingleRow<Scalar> above = SingleRow<Scalar>::zero();
+  [[maybe_unused]] bool moves = false;
   if constexpr (keeps_v) {
-    if (count == 0) { rows[count++].setZero(); }
-    eliminate_along(rows, count, tape);
+    moves = find_reflection<false>(rows, along_S, reflection, tape, rows.count);
+    if (moves) { above = {TriplePair<Scalar>(reflection.top.data()), reflection.top[rhs], reflection.top[along_S]}; }
+    if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
   }
-  const int bodies = count;
-  [[maybe_unused]] const Scalar body_v = keeps_v ? Scalar(rows[0](along_S)) : Scalar(0);
-  [[maybe_unused]] int n_put = 0;
-  Vector3<Scalar> turning(Scalar(0), Scalar(0), Scalar(0));
+  [[maybe_unused]] const Scalar body_v = above.v;
   Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
   Scalar undone(1);                    // W S
   Scalar within_S(0);                  // Σ v n S over what lies within
   Scalar own_load = ws.load()(node.v);     // S h' on the inlet
   [[maybe_unused]] Scalar own_moment(0);  // of it the rotors', which a large load would take the digits of
-  [[maybe_unused]] const auto put_within = [&](const VectorI& ratio, const Scalar& against_S, const Scalar& with_S) {
+  [[maybe_unused]] int n_put = 0;
+  [[maybe_unused]] const auto put_within = [&](SingleRow<Scalar> row, const VectorI& ratio, const Scalar& against_S,
+                                               const Scalar& with_S) {
     slip += ratio(0) * against_S;
     within_S += ratio(0) * with_S;
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { scale(d) += abs(ratio(d)); }
+    row.v = ratio(0);
     if constexpr (keeps_v) {
-      rows[count](along_S) = ratio(0);
+      left.row[static_cast<std::size_t>(left.count++)] = row;
     } else {
-      v[static_cast<std::size_t>(count)] = ratio;
+      const Eigen::Index at = rows.count;
+      rows.open(1);
+      rows.put_row(at, row);
+      for (int d = 1; d < n_i; ++d) { *rows.at(7 + d, at) = ratio(d); }
     }
-    ++count;
     ++n_put;
   };
   if constexpr (rotor_count<S>() > 0) {
@@ -114,38 +158,40 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
       SpunRotor<S> spun = spin_rotor<scene, S>(node, rotor, state, ws);
       if (spun.J > Scalar(0)) {
         const Scalar root = sqrt(spun.J);
-        const Scalar zero(0);
         Scalar known = spun.bias;
         if constexpr (keeps_v && has_known) {  // what is subtracted from all rows below, the inlet's rotors do not have
-#pragma GCC unroll 8
-          for (int j = 0; j < 3; ++j) { known -= spun.a(j) * ws.frame(node.frame).bias(j + 3); }
+          known -= dot(spun.a, Triple<Scalar>::settled(ws.frame(node.frame).bias.data() + 3));
         }
-        rows[count] << zero, zero, zero, root * spun.a(0), root * spun.a(1), root * spun.a(2), -root * known, zero;
+        SingleRow<Scalar> row = SingleRow<Scalar>::zero();
+        row.n.angular = spun.a * root;
+        row.z = -root * known;
         Scalar against_S = rotor.ratio(0), with_S(0);
         if constexpr (keeps_v) {
-          for (int j = 0; j < 3; ++j) { with_S += spun.a(j) * state.S_k[0](j + 3); }
+          with_S = dot(spun.a, Triple<Scalar>::settled(state.S_k[0].data() + 3));
           if (rotor.frame < 0) { against_S -= with_S; }
         }
-        put_within(root * spun.e, root * against_S, root * with_S);
+        put_within(row, root * spun.e, root * against_S, root * with_S);
       }
       if constexpr (scene.velocity) {
         const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
         if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) {
           Vector3<Scalar> moment(spun.moment(0), spun.moment(1), spun.moment(2));
-          turning += moment_of_rows(carrier, state.R, moment);
+          left.turning += triple(moment_of_rows(carrier, state.R, moment));
           spun.moment = triple(moment);
         }
         add_gyroscopic(spun, rotor, state, hg, hq);
-        for (int j = 0; j < 3 && keeps_v && rotor.frame < 0; ++j) { own_moment += spun.moment(j) * state.S_k[0](j + 3); }
+        if constexpr (keeps_v) {
+          if (rotor.frame < 0) { own_moment += dot(spun.moment, Triple<Scalar>::settled(state.S_k[0].data() + 3)); }
+        }
       }
     }
   }
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) {
-      rows[count].setZero();
+      SingleRow<Scalar> row = SingleRow<Scalar>::zero();
       const Scalar root = sqrt(spring.inertia);
-      if (root > Scalar(0)) { rows[count](rhs) = -spring.force / root; }
-      put_within(root * spring.ratio.transpose(), root * spring.ratio(0), Scalar(0));
+      if (root > Scalar(0)) { row.z = -spring.force / root; }
+      put_within(row, root * spring.ratio.transpose(), root * spring.ratio(0), Scalar(0));
     }
   }
 
@@ -154,20 +200,10 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
-    if constexpr (n_within == 1) {
-      if (n_put > 0) { rotate_along(rows, bodies, tape); }
-    } else if constexpr (n_within > 1) {
-      std::array<RootRow<Scalar>, 1 + n_within + abreast> few;
-      n_put = std::min(n_put, n_within);  // as it is, for compilers to see
-      few[0] = rows[0];
-      std::copy(rows + bodies, rows + bodies + n_put, few.begin() + 1);
-      if (tape != nullptr) [[unlikely]] { tape->rows_at(0, bodies); }
-      if (n_put > 0) { eliminate_along(few.data(), 1 + n_put, tape); }
-      rows[0] = few[0];
-      std::copy(few.begin() + 1, few.begin() + 1 + n_put, rows + bodies);
+    for (int k = 0; k < left.count; ++k) {
+      rotate_along(above, left.row[static_cast<std::size_t>(k)], tape, rows.count, rows.count + 1 + k);
     }
-    v[0](0) = rows[0](along_S);
-    C(0, 0) = Scalar(1) / v[0](0);
+    C(0, 0) = Scalar(1) / above.v;
     if (n_put > 0) {
       undone = (body_v * C(0, 0)) * (body_v * C(0, 0)) + (within_S * C(0, 0)) * C(0, 0);
       slip = (slip * C(0, 0)) * C(0, 0);
@@ -175,16 +211,41 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     }
     own_load += own_moment;
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
-    regular = ScalarTraits<Scalar>::is_positive(abs(v[0](0)) - negligible);
+    regular = ScalarTraits<Scalar>::is_positive(abs(above.v) - negligible);
   } else {
-    regular = eliminate<n_i, Scalar, most>(v, own_rows, count, scale, C, tape);
+    if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
+    regular = eliminate<n_i>(rows, scale, top, C, tape);
   }
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
     C.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-    count = n_i;  // no row is left
+    rows.count = 0;  // no row is left
+    left.count = 0;
+    moves = false;
   }
-  const auto t = [&](int k, int d) -> const Scalar& { return v[static_cast<std::size_t>(k)](d); };
+  const auto t = [&](int k, int d) __attribute__((always_inline)) -> const Scalar& {
+    if constexpr (keeps_v) {
+      return above.v;
+    } else {
+      return top[static_cast<std::size_t>(k)][static_cast<std::size_t>(7 + d)];
+    }
+  };
+  const auto top_row = [&](int k) __attribute__((always_inline)) {
+    if constexpr (keeps_v) {
+      return above.n;
+    } else {
+      return TriplePair<Scalar>(top[static_cast<std::size_t>(k)].data());
+    }
+  };
+  const auto z = [&](int k) __attribute__((always_inline)) {
+    if constexpr (!keeps_v) {
+      return top[static_cast<std::size_t>(k)][rhs];
+    } else if constexpr (has_known) {
+      return above.z - dot(above.n, TriplePair<Scalar>::settled(ws.frame(node.frame).bias.data()));
+    } else {
+      return above.z;
+    }
+  };
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
 #pragma GCC unroll 8
@@ -198,23 +259,21 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
       state.MbarR(d, e) = state.MbarR(e, d) = D;
       state.MbarR_inv(d, e) = state.MbarR_inv(e, d) = D_inv;
     }
-    RootRow<Scalar> U = rows[0] * t(0, d), W = rows[0] * C(d, 0);
+    TriplePair<Scalar> U = top_row(0) * t(0, d), W = top_row(0) * C(d, 0);
 #pragma GCC unroll 8
     for (int k = 1; k < n_i; ++k) {
-      U += rows[k] * t(k, d);
-      W += rows[k] * C(d, k);
+      U += top_row(k) * t(k, d);
+      W += top_row(k) * C(d, k);
     }
+    U.put(state.U.data() + 6 * d);
+    if constexpr (n_i == 1) {
+      W.put(state.W.data());
+    } else {
 #pragma GCC unroll 8
-    for (int j = 0; j < 6; ++j) {
-      state.U(j, d) = U(j);
-      state.W(d, j) = W(j);
+      for (int j = 0; j < 6; ++j) { state.W(d, j) = W(j); }
     }
+    hg -= W * hq(d);
   }
-  // Not put into the row: a row is slow to load after one of its numbers was stored.
-  const auto z = [&](int k) __attribute__((always_inline)) {
-    if constexpr (keeps_v && has_known) { return without_known(rows[k], ws.frame(node.frame).bias); }
-    return rows[k](rhs);
-  };
   state.psi = product(state.MbarR_inv, hq);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
@@ -222,47 +281,66 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     for (int k = 0; k < n_i; ++k) { state.psi(d) -= C(d, k) * z(k); }
   }
   if (node.inlet < 0) { return; }
-#pragma GCC unroll 8
-  for (int j = 0; j < 6; ++j) {
-#pragma GCC unroll 8
-    for (int d = 0; d < n_i; ++d) { hg(j) -= state.W(d, j) * hq(d); }
-  }
   share_axis<S>(node, state, slip, ws, undone);
   put_wrench<S>(node, state, hg, own_load, ws);
-  const RootRow<Scalar>* left = rows + n_i;
-  int left_rows = count - n_i;
-  std::array<RootRow<Scalar>, 6 + n_within> compressed;
+  if constexpr (keeps_v && has_known) { left.known = TriplePair<Scalar>::settled(ws.frame(node.frame).bias.data()); }
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
+  const Eigen::Index count = rows.count;
   const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
-  if (light || inlet.rows + left_rows > inlet.loose) {
-    std::array<int, 6> pivot;
-    const int apart = keeps_v ? std::min(n_put, left_rows) : 0;  // rotors and springs stay as they are
-    const int rank = keeps_v || annihilated ? 6 - n_i : 6;
-    const int others = left_rows - apart;
-    if (tape != nullptr) [[unlikely]] { tape->rows_at(n_i, n_i + 1); }
-    left_rows = in_one_function<Scalar>([&] { return compress<6, room>(left, others, compressed.data(), pivot, rank, tape); });
-    if constexpr (n_within > 0) { std::copy(rows + count - apart, rows + count, compressed.begin() + left_rows); }
-    if (tape != nullptr) [[unlikely]] { tape->move(count - apart, n_i + left_rows, apart); }
-    left_rows += apart;
-    left = compressed.data();
+  const auto rest = [&](Eigen::Index r) __attribute__((always_inline)) {
+    if constexpr (keeps_v) {
+      return moves ? reflected(rows, reflection, r) : columns_at<8>(rows, r);
+    } else {
+      return columns_at<7>(rows, r);
+    }
+  };
+  if (light || ws.rows(node.inlet).end() + count > (inlet.is_free ? inlet.loose_on_free : inlet.loose)) {
+    RootRows<Scalar, room> whole;
+    for (Eigen::Index r = 0; r < count; r += rows.lanes) {
+      const auto n = rest(r);
+#pragma GCC unroll 8
+      for (std::size_t c = 0; c < 7; ++c) { put_rows<Scalar>(n[c], whole.at(static_cast<int>(c), r)); }
+      put_rows<Scalar>(no_rows<Scalar>(), whole.at(along_S, r));
+    }
+    whole.count = count;
+    if (keeps_v && moves) { whole.put_row(reflection.pivot, SingleRow<Scalar>::zero()); }
+    const Eigen::Index at = count + n_i + n_put;
+    compress_on_inlet<scene>(node, state, whole, keeps_v || annihilated ? 6 - n_i : 6, true, ws, left, tape, at, count + n_i);
+    return;
   }
-  const Vector6<Scalar> known = keeps_v && has_known ? ws.frame(node.frame).bias : Vector6<Scalar>(Vector6<Scalar>::Zero());
-  in_one_function<Scalar>([&] {
-    stack_on_inlet<scene>(node, state, left, left_rows, true, ws, tape, n_i, keeps_v ? std::min(n_put, left_rows) : 0, known,
-                          turning);
-  });
+  stack_on_inlet<scene>(node, state, rest, count, keeps_v && moves ? reflection.pivot : -1, true, ws, left, tape, 0, count + n_i);
+}
+
+/// A frame of a subsystem without velocities.
+template <Scene scene, class S, class Workspace>
+void fixed_root_inward(const Node& node, const NodeState<S>& state, int k, Workspace& ws)
+{
+  using Scalar = typename S::Scalar;
+  const LeftWithin<Scalar, 0> left;
+  begin_rows(node.frame + k, ws);
+  RowTape<Scalar>* const tape = ws.frame_tape(node.frame + k);
+  auto& rows = ws.rows(node.frame + k);
+  if (ws.rows(node.inlet).end() + rows.count > RootInertia<Scalar>::loose) {
+    const Eigen::Index count = rows.count;
+    compress_on_inlet<scene>(node, state, rows, 6, k == 0, ws, left, tape, count, 0);
+    return;
+  }
+  const auto n = [&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<7>(rows, r); };
+  stack_on_inlet<scene>(node, state, n, rows.count, -1, k == 0, ws, left, tape, 0, 0);
 }
 
 template <Scene scene, class S, class Workspace>
 void square_root_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   if constexpr (is_free<S>()) {
+    begin_rows(node.frame, ws);
     free_root_inward<scene, S>(node, state, ws, diagnosis);
     if (node.inlet >= 0) { share_axis<S>(node, state, typename S::Scalar(0), ws); }
   } else {
     using std::abs;
     using std::max;
     using Scalar = typename S::Scalar;
+    for (int k = 0; k < S::n_frames; ++k) { begin_rows(node.frame + k, ws); }
     const bool bare = node.inlet >= 0 && ws.frame_body(node.inlet).rows == 0 && ws.root(node.inlet).keeps_v;
     RootRow<Scalar> size;
     if (bare) [[unlikely]] { size = size_of_rows(node, S::n_frames, ws); }
@@ -280,6 +358,7 @@ void square_root_inward(const Node& node, const S& s, NodeState<S>& state, Works
       if (node.inlet >= 0 && coincide(node, state, ws)) [[unlikely]] { add_scale_of_roundings<S>(node, state, ws); }
     }
   }
+  for (int k = 0; k < S::n_frames; ++k) { ws.rows(node.frame + k).count = 0; }
 }
 
 }  // namespace iim::detail

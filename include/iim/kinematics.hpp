@@ -217,7 +217,7 @@ struct KinematicStep {
       if constexpr (Data::update == Update::square_root) {
         RootInertia<Scalar>& N_k = ws.root(node.frame + k);
         if constexpr (along<S>() != Along::nothing) {
-          N_k.S = state.S_k[0];
+          TriplePair<Scalar>(state.S_k[0].data()).put(N_k.S.data());  // as it was written: other loads wait for these stores
           N_k.h.setZero();
           N_k.h_along = Scalar(0);
         }

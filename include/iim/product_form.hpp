@@ -184,7 +184,7 @@ protected:
         std::array<Lanes, components> h;
         h.fill(Lanes::Zero());
         for (Index e = std::max<Index>(0, a - node.path_v); e < std::min(own, a + lanes - node.path_v); ++e) {
-          const auto& G = ws.root(node.frame).row;  // E b, and the rate
+          const auto& G = ws.root(node.frame).G;  // E b, and the rate
           for (int c = 0; c < components; ++c) { place(G[at(c)](e), node.path_v + e - a, h[at(c)]); }
         }
         for (int c = 0; c < components; ++c) { store(frames[0] + components * a + c * lanes, h[at(c)]); }
@@ -292,7 +292,7 @@ protected:
       const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), left);
       for (Index a = 0; a < depth; ++a) {
         const Scalar* const h = H(input.frame) + a / lanes * lanes * components + a % lanes;
-        Scalar sum = unit_rows_.at(a, z);
+        Scalar sum = unit_rows_.share(a, z);
         for (int c = 3; c < 6; ++c) {
           sum += h[c * lanes] * left(c);
           if (N.keeps_v) { sum += h[rate * lanes] * N.S(c) * left(c); }

@@ -19,9 +19,11 @@ inline constexpr int along_S = 7;  ///< lane of v
 
 /// Where the rows that a subsystem leaves stand on its inlet.
 struct Arrival {
-  int from = 0, count = -1;  ///< rows of the subsystem; −1 if none reach an inlet
-  int to = 0;                ///< first row of the inlet
-  std::size_t position = 0;  ///< steps of the inlet's tape that were before
+  Eigen::Index from = 0, count = -1;  ///< rows of the subsystem; −1 if none reach an inlet
+  Eigen::Index to = 0;                ///< first row of the inlet
+  Eigen::Index within_from = 0, within = 0;         ///< those of what lies within the subsystem
+  Eigen::Index within_first = 0, within_next = 0;  ///< rows of the inlet: of the first, and of the others
+  std::size_t position = 0;           ///< steps of the inlet's tape that were before
 };
 
 /// Steps of Q in their order. Off, and without memory, until it has room; then it does not allocate.
@@ -32,65 +34,43 @@ public:
   void add_room(std::size_t reflections, std::size_t rows, std::size_t others)
   {
     steps_.resize(steps_.size() + reflections + others);
-    numbers_.resize(numbers_.size() + (reflections + 1) * (rows + 2));
-    places_.resize(places_.size() + others * rows);
+    numbers_.resize(numbers_.size() + reflections * (rows + 2) + others * 2);
   }
 
   bool is_on() const { return !steps_.empty(); }
   std::size_t size() const { return size_; }
 
-  void clear()
-  {
-    size_ = n_numbers_ = n_places_ = 0;
-    rows_at(0, 1);
-  }
+  void clear() { size_ = n_numbers_ = 0; }
 
-  /// Rows of the steps that follow: the first of them, and the second; others come after this.
-  void rows_at(int first, int second)
-  {
-    first_ = first;
-    second_ = second;
-  }
-
-  /// Of rows begin … begin + count, two exchanged, the first and `other`; then the reflection of the column x(r) to (α, 0, …),
-  /// factor = 2/‖x − α e₁‖².
+  /// The reflection of the column x(r) of the first `count` rows to (…, α, …) at row `pivot`, factor = 2/‖x − α e‖². That row goes
+  /// to `out`, its place is empty.
   template <class X>
-  void reflect(int begin, int count, int other, X&& x, const Scalar& alpha, const Scalar& factor)
+  void reflect(Eigen::Index count, Eigen::Index pivot, Eigen::Index out, X&& x, const Scalar& alpha, const Scalar& factor)
   {
-    add({Kind::reflect, first_ + begin, second_ + begin, count, other, n_numbers_});
+    add({Kind::reflect, pivot, out, count, n_numbers_});
     add(alpha);
     add(factor);
-    for (int r = 0; r < count; ++r) { add(x(r)); }
+    for (Eigen::Index r = 0; r < count; ++r) { add(x(r)); }
   }
 
-  void rotate(int above, int below, const Scalar& cosine, const Scalar& sine)
+  void rotate(Eigen::Index above, Eigen::Index below, const Scalar& cosine, const Scalar& sine)
   {
-    add({Kind::rotate, above, below, 2, 0, n_numbers_});
+    add({Kind::rotate, above, below, 2, n_numbers_});
     add(cosine);
     add(sine);
   }
 
-  /// Row r of `count` to place[r].
-  template <class Place>
-  void sort(const Place* place, int count)
-  {
-    add({Kind::sort, first_, second_, count, 0, n_places_});
-    for (int r = 0; r < count; ++r) {
-      assert(n_places_ < places_.size());
-      places_[n_places_++] = static_cast<int>(place[r]);
-    }
-  }
-
   /// `count` rows from one place to another; what was there before is lost, and nothing stays behind.
-  void move(int from, int to, int count) { add({Kind::move, from, to, count, 0, 0}); }
+  void move(Eigen::Index from, Eigen::Index to, Eigen::Index count) { add({Kind::move, from, to, count, 0}); }
 
   /// Rows from `begin` on are no more.
-  void cut(int begin) { add({Kind::cut, begin, 0, 0, 0, 0}); }
+  void cut(Eigen::Index begin) { add({Kind::cut, begin, 0, 0, 0}); }
 
+  Eigen::Index tops = 0;  ///< places of the rows that the subsystem's velocities took
   Arrival arrival;
 
   /// The steps from `position` on, on other columns of the same rows, `most` of them. `spare`: as many.
-  void replay(std::size_t position, RootRow<Scalar>* row, int most, RootRow<Scalar>* spare) const
+  void replay(std::size_t position, RootRow<Scalar>* row, Eigen::Index most, RootRow<Scalar>* spare) const
   {
     for (; position < size_; ++position) {
       const Step& step = steps_[position];
@@ -103,30 +83,24 @@ public:
           row[step.second] = row[step.second] * cosine - n * sine;
           break;
         }
-        case Kind::sort:
-          std::copy(row + step.first, row + step.first + step.count, spare);
-          for (int r = 0; r < step.count; ++r) {
-            row[step.first + places_[step.data + static_cast<std::size_t>(r)]] = spare[r];
-          }
-          break;
         case Kind::move:
           std::copy(row + step.first, row + step.first + step.count, spare);
-          for (int r = 0; r < step.count; ++r) { row[step.first + r].setZero(); }
+          for (Eigen::Index r = 0; r < step.count; ++r) { row[step.first + r].setZero(); }
           std::copy(spare, spare + step.count, row + step.second);
           break;
         case Kind::cut:
-          for (int r = step.first; r < most; ++r) { row[r].setZero(); }
+          for (Eigen::Index r = step.first; r < most; ++r) { row[r].setZero(); }
           break;
       }
     }
   }
 
 private:
-  enum class Kind : char { reflect, rotate, sort, move, cut };
+  enum class Kind : char { reflect, rotate, move, cut };
   struct Step {
     Kind kind;
-    int first, second, count, other;
-    std::size_t data;  ///< where its numbers or places begin
+    Eigen::Index first, second, count;
+    std::size_t data;  ///< where its numbers begin
   };
 
   void add(const Step& step)
@@ -142,23 +116,20 @@ private:
 
   void reflect(const Step& step, RootRow<Scalar>* row) const
   {
-    RootRow<Scalar>& top = row[step.first];
-    RootRow<Scalar>* const others = row + step.second - 1;  // row r > 0 is others[r]
+    const RootRow<Scalar> top = row[step.first];
     const Scalar &alpha = numbers_[step.data], &factor = numbers_[step.data + 1];
     const Scalar* const x = numbers_.data() + step.data + 2;
-    if (step.other > 0) { top.swap(others[step.other]); }
-    RootRow<Scalar> sum = top * x[0];
-    for (int r = 1; r < step.count; ++r) { sum += others[r] * x[r]; }
+    RootRow<Scalar> sum = RootRow<Scalar>::Zero();
+    for (Eigen::Index r = 0; r < step.count; ++r) { sum += row[r] * x[r]; }
     const RootRow<Scalar> w = (sum - top * alpha) * factor;
-    top = sum * (Scalar(1) / alpha);
-    for (int r = 1; r < step.count; ++r) { others[r] -= w * x[r]; }
+    for (Eigen::Index r = 0; r < step.count; ++r) { row[r] -= w * x[r]; }
+    row[step.first].setZero();
+    row[step.second] = sum * (Scalar(1) / alpha);
   }
 
   std::vector<Step> steps_;
   std::vector<Scalar> numbers_;
-  std::vector<int> places_;
-  std::size_t size_ = 0, n_numbers_ = 0, n_places_ = 0;
-  int first_ = 0, second_ = 1;
+  std::size_t size_ = 0, n_numbers_ = 0;
 };
 
 }  // namespace iim::detail

@@ -39,6 +39,7 @@
 #include <iim/row.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/triple.hpp>
 
 #include <algorithm>
 #include <array>
@@ -48,23 +49,51 @@
 
 namespace iim::detail {
 
-/// [N | z] of what one frame carries: its own body's rows as they are, and those of its children. Rows are compressed where
-/// there would be more than `loose`: a reflection of twenty rows costs little more than one of ten, and compressing as much
-/// as several. (The pass of the biped takes 4.8 µs with 10, 3.6 with 20, 3.12 with 26 and 3.04 with 32, where registers hold
-/// eight numbers, on another processor 3.26 with 26 and 3.17 with 34; where they hold two, 26 is the best.) More rows than
-/// rank have a residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and rows are
-/// compressed.
+/// The rows of one body.
+template <class Scalar>
+struct OwnRows {
+  using Rows = RootRows<Scalar, BodyRoot<Scalar>::most_rows>;
+  Rows rows;
+
+  OwnRows()
+  {
+    rows.open(Rows::most);
+    rows.count = 0;
+  }
+  /// √m in the first three columns, which does not change.
+  void set(const BodyRoot<Scalar>& body)
+  {
+    rows.count = body.rows;
+    for (int k = 0; k < 3; ++k) { *rows.at(k, k) = body.root_mass; }
+  }
+  Scalar& at(int c, int k) { return *rows.at(c, k); }
+  const Scalar& at(int c, int k) const { return *rows.at(c, k); }
+  [[gnu::always_inline]] void put(int c, const Triple<Scalar>& of_mass, const Triple<Scalar>& of_moments)
+  {
+    of_mass.put(rows.at(c, 0));
+    of_moments.put(rows.at(c, 3));
+  }
+};
+
+/// [N | z] of what one frame carries: the rows of its own body, and those of its children, each beginning with a new register. Rows
+/// are compressed where there would be more than `loose`: a reflection of twenty rows costs little more than one of ten, and
+/// compressing as much as several. More rows than rank have a residual in z; where it is a force between heavy bodies its
+/// roundings move what is much lighter, and rows are compressed.
 template <class Scalar>
 struct RootInertia {
-  static constexpr int loose = register_lanes<Scalar> == 8 ? 34 : 26;
-  static constexpr int most = loose + 6;
+  static constexpr int loose = rows_abreast<Scalar> >= 8 ? 64 : 40;
+  static constexpr int loose_on_free = 2 * loose + 8;  ///< which are compressed to six at once
+  static constexpr int most = loose_on_free + 32;  ///< with what lies within a child, its bodies on the inlet, and to whole registers
   static constexpr int within = 4;  ///< and for rotors and springs
   static constexpr int most_within = 64;  ///< of these, on a subsystem of any kind
-  std::array<RootRow<Scalar>, most + within + abreast> row;
-  int rows = 0;
+  using Rows = RootRows<Scalar, most>;
+  std::size_t place;   ///< of its rows (RowsPlaces)
+  OwnRows<Scalar> own;
+  std::array<RootRow<Scalar>, 7> G;  ///< of a free frame (free_root.hpp)
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
   Scalar heaviest;       ///< √m of the heaviest body in the rows
   Eigen::Index apart_along = -1;  ///< of a free frame: the child whose column S is
+  bool is_free = false;
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
   Scalar scale;          ///< and Σ |v| as if nothing had cancelled in it
@@ -125,71 +154,71 @@ constexpr Along along()
   return has_own_twist<S>() ? Along::own_twist : Along::column;
 }
 
-/// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ). Writes six
-/// rows, of which body.rows count, v for motion along S, and Σ |v| as if nothing had cancelled.
+/// N_b and z_b in world axes at the coupling point: √m (1, −s̃) with s the centre of mass, √θ_k (0, p_kᵀ). v for motion
+/// along S, and Σ |v| as if nothing had cancelled.
 template <bool velocity, Along along, class Scalar>
 [[gnu::always_inline]] inline void place_roots(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R,
                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
-                                               const Vector6<Scalar>& S, RootRow<Scalar>* row, Scalar& scale)
+                                               const Vector6<Scalar>& S, OwnRows<Scalar>& own, Scalar& scale)
 {
   using std::abs;
   scale = Scalar(0);
   if (body.rows == 0) { return; }
   const Scalar& m = body.root_mass;
-  const Scalar zero(0);
-  Vector3<Scalar> s = times(R, body.com);
-  add(s, r);
-  Vector3<Scalar> centripetal(zero, zero, zero);
-  if constexpr (velocity) { centripetal = cross(omega, cross(omega, s)); }
-  Vector3<Scalar> v(zero, zero, zero);
+  const Triple<Scalar> of_com = combined(R, body.com) + Triple<Scalar>(r.data()), of_frame = triple(omega);
+  const Vector3<Scalar> s(of_com(0), of_com(1), of_com(2));
+  const Triple<Scalar> root_moment(body.root_moment.data());
+  Triple<Scalar> turn(Scalar(0), Scalar(0), Scalar(0)), spin = turn, v = turn;  // v of both parts, and ω in principal axes
+  const Triple<Scalar> axes[3] = {Triple<Scalar>(body.to_axes.data()), Triple<Scalar>(body.to_axes.data() + 3),
+                                  Triple<Scalar>(body.to_axes.data() + 6)};
+#pragma GCC unroll 8
+  for (int j = 0; j < 3; ++j) {
+    const Triple<Scalar> p = axes[0] * R(j, 0) + axes[1] * R(j, 1) + axes[2] * R(j, 2);
+    const Triple<Scalar> n = p * root_moment;
+    n.put(&own.at(3 + j, 3));
+    if constexpr (velocity) { spin += p * omega(j); }
+    if constexpr (along == Along::column) {
+      turn += n * S(3 + j);
+#pragma GCC unroll 8
+      for (int k = 0; k < 3; ++k) { scale += abs(n(k) * S(3 + j)); }
+    }
+    const int i = (j + 1) % 3, k = (j + 2) % 3;
+    own.at(3 + j, i) = -m * s(k);
+    own.at(3 + j, k) = m * s(i);
+  }
   if constexpr (along == Along::own_twist) {
-    v = times(R, body.linear);
+    v = combined(R, body.linear);
     scale = body.own_scale;
+    turn = Triple<Scalar>(body.angular.data());
   } else if constexpr (along == Along::column) {
+    Vector3<Scalar> of_mass;
 #pragma GCC unroll 8
     for (int i = 0; i < 3; ++i) {
       const int j = (i + 1) % 3, k = (i + 2) % 3;
       const Scalar a = S(j + 3) * s(k), b = S(k + 3) * s(j);
-      v(i) = m * (S(i) + (a - b));
+      of_mass(i) = m * (S(i) + (a - b));
       scale += m * (abs(S(i)) + abs(a) + abs(b));
     }
+    v = triple(of_mass);
   }
-  row[0] << m, zero, zero, zero, m * s(2), -m * s(1), -m * centripetal(0), v(0);
-  row[1] << zero, m, zero, -m * s(2), zero, m * s(0), -m * centripetal(1), v(1);
-  row[2] << zero, zero, m, m * s(1), -m * s(0), zero, -m * centripetal(2), v(2);
-  Matrix3<Scalar> p;
-  multiply(R, body.axes, p);
-  Vector3<Scalar> gyro(zero, zero, zero);  // moments that the body's turning needs, over √θ_k
-  if constexpr (velocity) {
-    Vector3<Scalar> spin;  // ω in principal axes
-#pragma GCC unroll 8
-    for (int k = 0; k < 3; ++k) { spin(k) = p(0, k) * omega(0) + p(1, k) * omega(1) + p(2, k) * omega(2); }
-#pragma GCC unroll 8
-    for (int k = 0; k < 3; ++k) { gyro(k) = -body.gyration(k) * spin((k + 1) % 3) * spin((k + 2) % 3); }
-  }
-#pragma GCC unroll 8
-  for (int k = 0; k < 3; ++k) {  // rows of no moment, the last, do not count
-    const Scalar& t = body.root_moment(k);
-    Scalar turn(0);
-    if constexpr (along == Along::own_twist) {
-      turn = body.angular(k);
-    } else if constexpr (along == Along::column) {
-      turn = t * (p(0, k) * S(3) + p(1, k) * S(4) + p(2, k) * S(5));
-      scale += t * (abs(p(0, k) * S(3)) + abs(p(1, k) * S(4)) + abs(p(2, k) * S(5)));
-    }
-    row[k + 3] << zero, zero, zero, t * p(0, k), t * p(1, k), t * p(2, k), gyro(k), turn;
+  if constexpr (along != Along::nothing) { own.put(along_S, v, turn); }
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  if constexpr (velocity) {  // centripetal accelerations, and moments that the body's turning needs, over √θ_k
+    own.put(rhs, cross(of_frame, cross(of_frame, of_com)) * Scalar(-m),
+            Triple<Scalar>(body.gyration.data()) * (spin.turned() * spin.turned().turned()) * Scalar(-1));
+  } else {
+    own.put(rhs, zero, zero);
   }
 }
 
-/// The rows of the frame's own body, first of all.
+/// The rows of the frame's own body.
 template <bool velocity, Along along, class Scalar>
 [[gnu::always_inline]] inline void place_roots(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R,
                                                const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
                                                RootInertia<Scalar>& N)
 {
-  N.rows = body.rows;
   N.heaviest = body.root_mass;
-  place_roots<velocity, along>(body, R, r, omega, N.S, N.row.data(), N.scale);
+  place_roots<velocity, along>(body, R, r, omega, N.S, N.own, N.scale);
 }
 
 /// Takes from a wrench on a frame what the rows of the frame's own body carry, as a part of z: N_bᵀ z = wrench, one number for
@@ -222,118 +251,117 @@ RootRow<Scalar> put_on_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>&
   return z;
 }
 
-/// How a row changes where it is stacked on the inlet: n + Σ_k n(k) move[k] is N X(r), z − N known, v + n T.
+/// How rows change where they are stacked on the inlet: N X(r), z − N known, v + N T.
 template <class Scalar>
-using RowMove = std::array<RootRow<Scalar>, 6>;
+struct RowMove {
+  Vector3<Scalar> r;
+  Vector6<Scalar> known, T;
+};
 
-template <class Scalar>
-[[gnu::always_inline]] inline RowMove<Scalar> row_move(const Vector3<Scalar>& r, const Vector6<Scalar>& known,
-                                                       const Vector6<Scalar>& T)
-{
-  const Scalar zero(0);
-  RowMove<Scalar> move;
-  move[0] << zero, zero, zero, zero, r(2), -r(1), -known(0), T(0);
-  move[1] << zero, zero, zero, -r(2), zero, r(0), -known(1), T(1);
-  move[2] << zero, zero, zero, r(1), -r(0), zero, -known(2), T(2);
-#pragma GCC unroll 8
-  for (int k = 3; k < 6; ++k) {
-    move[static_cast<std::size_t>(k)] << zero, zero, zero, zero, zero, zero, -known(k), T(k);
-  }
-  return move;
-}
-
-template <class Scalar>
-[[gnu::always_inline]] inline RootRow<Scalar> moved(const RootRow<Scalar>& n, const RowMove<Scalar>& move)
-{
-  RootRow<Scalar> a = n, b = move[3] * n(3);
-  a += move[0] * n(0), b += move[4] * n(4);
-  a += move[1] * n(1), b += move[5] * n(5);
-  a += move[2] * n(2);
-  return a + b;
-}
-
-/// z − N a for an acceleration a that is already known.
-template <class Scalar>
-[[gnu::always_inline]] inline Scalar without_known(const RootRow<Scalar>& n, const Vector6<Scalar>& a)
-{
-  return n(rhs) - ((n(0) * a(0) + n(1) * a(1) + n(2) * a(2)) + (n(3) * a(3) + n(4) * a(4) + n(5) * a(5)));
-}
-
-/// Q of the file's head: takes the columns v (n per row) of `count` rows to T in the first n rows, and [N | z] along.
-/// `scale`: what the entries of v would be without cancellation. False if T is singular up to roundings.
-template <int n, class Scalar, int most>
-[[gnu::always_inline]] inline bool eliminate(std::array<Eigen::Matrix<Scalar, n, 1>, most>& v,
-                                             std::array<RootRow<Scalar>, most>& rows, int count,
-                                             const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C,
-                                             RowTape<Scalar>* tape = nullptr)
+/// Puts rows to others. n(r): those from row r on that one register takes, column by column. To `scale` Σ |n| |T|.
+template <bool with_v, class Scalar, int most, class Rows>
+[[gnu::always_inline]] inline void move_rows(Rows&& n, Eigen::Index count, const RowMove<Scalar>& move, RootRows<Scalar, most>& onto,
+                                             Scalar& scale)
 {
   using std::abs;
-  count = std::min(count, most - abreast);
-  if (count < n) { return false; }
-  for (int r = count; r < count + abreast; ++r) { rows[static_cast<std::size_t>(r)].setZero(); }
+  using Part = RowsPart<Scalar>;
+  constexpr int lanes = rows_abreast<Scalar>;
+  const Vector3<Scalar>& r = move.r;
+  const Vector6<Scalar>&known = move.known, &T = move.T;
+  Vector6<Scalar> size;
+#pragma GCC unroll 8
+  for (int k = 0; k < 6; ++k) { size(k) = abs(T(k)); }
+  Part sum = no_rows<Scalar>(), other = sum;
+  const Eigen::Index begin = onto.end();
+#pragma GCC unroll 1
+  for (Eigen::Index row = 0; row < count; row += lanes) {
+    const auto a = n(row);
+    const Eigen::Index to = begin + row;
+    Part z = a[rhs] - a[0] * known(0), of_turning = a[3] * known(3);
+    Part v = a[0] * T(0), v_of_turning = a[3] * T(3);
+    if constexpr (with_v) { v += a[along_S]; }
+#pragma GCC unroll 8
+    for (std::size_t k = 1; k < 3; ++k) {
+      z -= a[k] * known(static_cast<int>(k)), of_turning += a[k + 3] * known(static_cast<int>(k + 3));
+      v += a[k] * T(static_cast<int>(k)), v_of_turning += a[k + 3] * T(static_cast<int>(k + 3));
+    }
+#pragma GCC unroll 8
+    for (std::size_t k = 0; k < 3; ++k) {
+      sum += size_of_rows<Scalar>(a[k]) * size(static_cast<int>(k));
+      other += size_of_rows<Scalar>(a[k + 3]) * size(static_cast<int>(k + 3));
+      put_rows<Scalar>(a[k], onto.at(static_cast<int>(k), to));
+    }
+    put_rows<Scalar>((a[3] - a[1] * r(2)) + a[2] * r(1), onto.at(3, to));
+    put_rows<Scalar>((a[4] - a[2] * r(0)) + a[0] * r(2), onto.at(4, to));
+    put_rows<Scalar>((a[5] - a[0] * r(1)) + a[1] * r(0), onto.at(5, to));
+    put_rows<Scalar>(z - of_turning, onto.at(rhs, to));
+    put_rows<Scalar>(v + v_of_turning, onto.at(along_S, to));
+  }
+  onto.count = begin + count;
+  scale += sum_of_rows<Scalar>(sum + other);
+}
+
+template <class Scalar>
+[[gnu::always_inline]] inline Scalar dot_of_sizes(const TriplePair<Scalar>& a, const TriplePair<Scalar>& b)
+{
+  using std::abs;
+  const Triple<Scalar> linear = a.linear * b.linear, angular = a.angular * b.angular;
+  return ((abs(linear(0)) + abs(linear(1))) + abs(linear(2))) + ((abs(angular(0)) + abs(angular(1))) + abs(angular(2)));
+}
+
+/// One row.
+template <class Scalar>
+[[gnu::always_inline]] inline SingleRow<Scalar> moved(const SingleRow<Scalar>& row, const RowMove<Scalar>& move, Scalar& scale)
+{
+  const TriplePair<Scalar> T(move.T.data());
+  scale += dot_of_sizes(row.n, T);
+  return {{row.n.linear, row.n.angular + cross(Triple<Scalar>(move.r.data()), row.n.linear)},
+          row.z - dot(row.n, TriplePair<Scalar>(move.known.data())), row.v + dot(row.n, T)};
+}
+
+/// Q of the file's head: takes the columns v, from the eighth on, to T, and [N | z] along; the rows that it takes, [N₁ | z₁ | T],
+/// are top. `scale`: what the entries of v would be without cancellation. False if T is singular up to roundings.
+template <int n, class Scalar, int most, std::size_t padded>
+bool eliminate(RootRows<Scalar, most, 7 + n>& rows, const Eigen::Matrix<Scalar, n, 1>& scale,
+               std::array<std::array<Scalar, padded>, static_cast<std::size_t>(n)>& top, Eigen::Matrix<Scalar, n, n>& C,
+               RowTape<Scalar>* tape = nullptr)
+{
+  using std::abs;
+  for (auto& row : top) { row.fill(Scalar(0)); }
+  std::array<Scalar, padded> square = squares(rows);
   std::array<int, n> order;
   std::array<bool, n> done{};
-  std::array<Scalar, most> x;
-  bool regular = true;
   for (int k = 0; k < n; ++k) {
-    const std::size_t top = static_cast<std::size_t>(k);
-    const int active = count - k;
     int column = 0;
     Scalar best(-1);
     for (int c = 0; c < n; ++c) {
-      Scalar square(0);
-      for (int r = k; r < count; ++r) { square += v[static_cast<std::size_t>(r)](c) * v[static_cast<std::size_t>(r)](c); }
-      const bool better = !done[static_cast<std::size_t>(c)] && square > best;
+      const bool better = !done[static_cast<std::size_t>(c)] && square[static_cast<std::size_t>(7 + c)] > best;
       column = better ? c : column;
-      best = better ? square : best;
+      best = better ? square[static_cast<std::size_t>(7 + c)] : best;
     }
     done[static_cast<std::size_t>(column)] = true;
-    order[top] = column;
-    for (int r = 0; r < active; ++r) { x[static_cast<std::size_t>(r)] = v[top + static_cast<std::size_t>(r)](column); }
-    const std::size_t pivot = static_cast<std::size_t>(largest(x.data(), active));
-    std::swap(x[0], x[pivot]);
-    std::swap(rows[top], rows[top + pivot]);
-    std::swap(v[top], v[top + pivot]);
-    if (!(best > Scalar(0))) {
-      regular = false;
-      best = Scalar(1);
-    }
-    const Scalar first = x[0];
-    const auto [alpha, factor] = reflector(x.data(), best);
-    if (tape != nullptr) [[unlikely]] {
-      const auto whole = [&](int r) -> const Scalar& { return r == 0 ? first : x[static_cast<std::size_t>(r)]; };
-      tape->reflect(k, active, static_cast<int>(pivot), whole, alpha, factor);
-    }
+    order[static_cast<std::size_t>(k)] = column;
+    Reflection<Scalar, 7 + n> reflection;
+    if (!find_reflection<true>(rows, 7 + column, reflection, tape, rows.count + k)) { return false; }
+    top[static_cast<std::size_t>(k)] = reflection.top;
     // Below this v is made of roundings: the coordinate moves nothing, or no digit of what it moves is left.
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
-    regular &= ScalarTraits<Scalar>::is_positive(abs(alpha) - negligible);
-    for (int r = active; r < active + abreast; ++r) { x[static_cast<std::size_t>(r)] = Scalar(0); }
-    RootRow<Scalar>* const open = rows.data() + k;
-    const auto entry = [&](int r) -> const Scalar& { return x[static_cast<std::size_t>(r)]; };
-    const RootRow<Scalar> w = weighted_sum(open, active, entry) * factor;
-    subtract(open, active, w, entry);
-    for (int c = 0; c < n; ++c) {
-      if (done[static_cast<std::size_t>(c)]) { continue; }
-      Scalar dot(0);
-      for (int r = 0; r < active; ++r) { dot += v[top + static_cast<std::size_t>(r)](c) * x[static_cast<std::size_t>(r)]; }
-      dot *= factor;
-      for (int r = 0; r < active; ++r) { v[top + static_cast<std::size_t>(r)](c) -= dot * x[static_cast<std::size_t>(r)]; }
-    }
-    v[top](column) = alpha;
-    for (int r = 1; r < active; ++r) { v[top + static_cast<std::size_t>(r)](column) = Scalar(0); }
+    if (!ScalarTraits<Scalar>::is_positive(abs(reflection.top[static_cast<std::size_t>(7 + column)]) - negligible)) { return false; }
+    reflect(rows, reflection, [](const auto&, Eigen::Index) {});
+    if (k + 1 < n) { square = squares(rows); }
   }
   // C = T⁻¹, T upper triangular in the order of elimination: row order[k] of C by substitution from the last.
+  const auto t = [&](int k, int d) { return top[static_cast<std::size_t>(k)][static_cast<std::size_t>(7 + d)]; };
   for (int k = n - 1; k >= 0; --k) {
     const int row = order[static_cast<std::size_t>(k)];
-    const Eigen::Matrix<Scalar, n, 1>& t = v[static_cast<std::size_t>(k)];
-    const Scalar inverse = Scalar(1) / t(row);
+    const Scalar inverse = Scalar(1) / t(k, row);
     for (int c = 0; c < n; ++c) {
       Scalar sum = c == k ? Scalar(1) : Scalar(0);
-      for (int l = k + 1; l < n; ++l) { sum -= t(order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c); }
+      for (int l = k + 1; l < n; ++l) { sum -= t(k, order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c); }
       C(row, c) = sum * inverse;
     }
   }
-  return regular;
+  return true;
 }
 
 }  // namespace iim::detail

@@ -205,7 +205,7 @@ protected:
     motion.fill(zero());
     Lane rate = zero();
     for (int k = 0; k < 6; ++k) {
-      const auto& G = inertia.row;
+      const auto& G = inertia.G;
       Lane e = along * G[free_rate](k);
       for (int c = 0; c < 6; ++c) { e += p[at(c)] * G[at(c)](k); }
       if (shared_) [[unlikely]] { e += shares_[at(node.v + k)]; }

@@ -160,7 +160,7 @@ protected:
     const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), w);
     for (Index i = input.subsystem; i >= 0; i = tree_->node(i).parent) {
       const Node& node = tree_->node(i);
-      for (int d = 0; d < own_[at(i)].velocities; ++d) { entry(shares_[at(node.v + d)], lane) = unit_rows_.at(node.path_v + d, z); }
+      for (int d = 0; d < own_[at(i)].velocities; ++d) { entry(shares_[at(node.v + d)], lane) = unit_rows_.share(node.path_v + d, z); }
     }
     shared_ = true;
   }

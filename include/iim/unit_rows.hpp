@@ -34,7 +34,7 @@ public:
       const Index end = i + 1 < tree.size() ? tree.node(i + 1).frame : tree.n_frames();
       frames = std::max(frames, end - tree.node(i).frame);
     }
-    row_.resize(static_cast<std::size_t>(RootInertia<Scalar>::most * (frames + 1) + RootInertia<Scalar>::most_within));
+    row_.resize(static_cast<std::size_t>((RootInertia<Scalar>::most + 6) * (frames + 2) + 2 * RootInertia<Scalar>::most_within + 12));
     spare_ = row_;
   }
 
@@ -44,10 +44,10 @@ public:
   template <class Workspace>
   void carry_inward(const Workspace& ws, Index frame)
   {
-    const int most = static_cast<int>(row_.size());
+    const auto most = static_cast<Index>(row_.size());
     for (RootRow<Scalar>& n : z_1_) { n.setZero(); }  // those beyond a free frame stay so
     for (RootRow<Scalar>& n : row_) { n.setZero(); }
-    for (int k = 0; k < ws.frame_body(frame).rows; ++k) { row_[static_cast<std::size_t>(k)](k) = Scalar(1); }
+    for (int k = 0; k < ws.frame_body(frame).rows; ++k) { at(k)(k) = Scalar(1); }
     for (std::size_t position = 0; frame >= 0;) {
       const Node& node = tree_->node(tree_->owner(frame));
       const RowTape<Scalar>& on_frame = ws.frame_tape(frame);
@@ -56,25 +56,31 @@ public:
       const RowTape<Scalar>& tape = own > 0 ? ws.tape(node.index) : on_frame;
       if (own > 0) {
         tape.replay(0, row_.data(), most, spare_.data());
-        std::copy(row_.begin(), row_.begin() + own, z_1_.begin() + node.path_v);
+        std::copy_n(&at(tape.tops), own, z_1_.begin() + node.path_v);
       }
       const Arrival& arrival = tape.arrival;
       if (arrival.count < 0) { return; }
-      std::copy(row_.begin() + arrival.from, row_.begin() + arrival.from + arrival.count, spare_.begin());
+      std::copy_n(&at(arrival.from), arrival.count, spare_.begin());
+      std::copy_n(&at(arrival.within_from), arrival.within, spare_.begin() + arrival.count);
       for (RootRow<Scalar>& n : row_) { n.setZero(); }
-      std::copy(spare_.begin(), spare_.begin() + arrival.count, row_.begin() + arrival.to);
+      std::copy_n(spare_.begin(), arrival.count, &at(arrival.to));
+      for (Index k = 0; k < arrival.within; ++k) {
+        at(k == 0 ? arrival.within_first : arrival.within_next + k - 1) = spare_[static_cast<std::size_t>(arrival.count + k)];
+      }
       position = arrival.position;
       frame = node.inlet;
     }
   }
 
   /// z₁ at a path position under z in the rows of the body.
-  Scalar at(Index position, const RootRow<Scalar>& z) const
+  Scalar share(Index position, const RootRow<Scalar>& z) const
   {
     return dot_of_six(z_1_[static_cast<std::size_t>(position)], z);
   }
 
 private:
+  RootRow<Scalar>& at(Index place) { return row_[static_cast<std::size_t>(place)]; }
+
   const TreeData<Scalar>* tree_;
   std::vector<RootRow<Scalar>> row_, spare_;
   std::vector<RootRow<Scalar>> z_1_;  // by path position

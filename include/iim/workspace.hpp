@@ -133,6 +133,12 @@ public:
   /// N of what frame f carries; with Update::square_root, in place of FrameState::A.
   detail::RootInertia<Scalar>& root(Index f) { return root_[static_cast<std::size_t>(f)]; }
   const detail::RootInertia<Scalar>& root(Index f) const { return root_[static_cast<std::size_t>(f)]; }
+  /// The rows on frame f, from when the first of its children hands them on until its own subsystem has.
+  typename detail::RootInertia<Scalar>::Rows& rows(Index f) { return rows_[root(f).place]; }
+  void clear_rows()
+  {
+    for (auto& rows : rows_) { rows.count = 0; }
+  }
   const detail::BodyRoot<Scalar>& frame_body(Index f) const { return frame_body_[static_cast<std::size_t>(f)]; }
   const detail::BodyRoot<Scalar>& inlet_body(Index i) const { return inlet_body_[static_cast<std::size_t>(i)]; }
 
@@ -204,6 +210,8 @@ protected:
       for (Index f = 0; f < tree.n_frames(); ++f) { frame_body_.emplace_back(tree.frame_mass(f)); }
       for (Index i = 0; i < tree.size(); ++i) { inlet_body_.emplace_back(tree.inlet_mass(i)); }
       root_.resize(frames_.size());
+      for (Index f = 0; f < tree.n_frames(); ++f) { root(f).own.set(frame_body(f)); }
+      place_rows();
       shared_axis_.resize(static_cast<std::size_t>(tree.size()));
       heavy_ = HeavyFrames<Scalar>(tree);
       if (heavy_.any()) {
@@ -225,16 +233,41 @@ protected:
     }
   }
 
+  /// Gives each frame a place for its rows that no other needs at that time of the loop inward: what is in use stays in the fastest
+  /// memory, and a chain of any length has two.
+  [[gnu::cold]] void place_rows()
+  {
+    constexpr std::size_t none = static_cast<std::size_t>(-1);
+    std::vector<std::size_t> vacant;
+    for (RootInertia<Scalar>& N : root_) { N.place = none; }
+    const auto occupy = [&](Index f) {
+      if (root(f).place != none) { return; }
+      if (vacant.empty()) {
+        vacant.push_back(rows_.size());
+        rows_.emplace_back();
+      }
+      root(f).place = vacant.back();
+      vacant.pop_back();
+    };
+    for (Index i = tree_->size(); i-- > 0;) {
+      const Node& node = tree_->node(i);
+      const Index end = i + 1 < tree_->size() ? tree_->node(i + 1).frame : tree_->n_frames();
+      for (Index f = node.frame; f < end; ++f) { occupy(f); }
+      if (node.inlet >= 0) { occupy(node.inlet); }
+      for (Index f = node.frame; f < end; ++f) { vacant.push_back(root(f).place); }
+    }
+  }
+
   /// For a subsystem of n_i velocities, n_frames frames, n_within rotors and springs.
   [[gnu::cold]] void add_tape(const Node& node, int n_i, int n_frames, int n_within)
   {
     constexpr std::size_t rank = 6, most = RootInertia<Scalar>::most;
     const auto at = [](Index k) { return static_cast<std::size_t>(k); };
     if (node.parent >= 0 && heavy_.carries(node.parent)) {  // what any child does to the rows of its inlet
-      frame_tapes_[at(node.inlet)].add_room(rank, 2 * most + rank, 2);
+      frame_tapes_[at(node.inlet)].add_room(rank, 2 * (most + rank + at(n_within)), 2);
     }
     if (!heavy_.carries(node.index)) { return; }
-    tapes_[at(node.index)].add_room(at(n_i) + 1 + rank, most * at(n_frames) + at(n_within), 2);
+    tapes_[at(node.index)].add_room(at(n_i) + rank, (most + rank) * at(n_frames) + at(n_within), at(n_within));
     for (int k = 0; k < n_frames; ++k) { frame_tapes_[at(node.frame + k)].add_room(0, 0, 1); }
   }
 
@@ -262,6 +295,7 @@ protected:
   const TreeData<Scalar>* tree_;
   std::vector<FrameState<Scalar>> frames_;
   std::vector<RootInertia<Scalar>> root_;
+  std::vector<typename RootInertia<Scalar>::Rows> rows_;  // by RootInertia::place
   std::vector<SharedAxis<Scalar>> shared_axis_;
   std::vector<BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
   std::vector<BodyRoot<Scalar>> inlet_body_;
@@ -300,6 +334,7 @@ public:
         state.S_k[static_cast<std::size_t>(k)].setZero();
         this->frame(node.frame + k).offset = detail::is_placed_off<S>();
       }
+      if constexpr (Data::update == Update::square_root && detail::is_free<S>()) { this->root(node.frame).is_free = true; }
       if constexpr (detail::one_column<S, Data>) {
         this->root(node.frame).keeps_v = true;
         if constexpr (detail::has_own_twist<S>()) {
