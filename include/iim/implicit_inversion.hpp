@@ -27,9 +27,9 @@ namespace detail {
 /// if it never does.
 ///
 /// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as measured
-/// with AVX-512, AVX2 and SSE2 on chains to 300 links, trees to 255 and the biped (slower by more than 10 % than the other
-/// form in 31 of 735 cases, by 1 % in the mean), otherwise as counted. Columns are taken to be spread over the inputs of the
-/// tree evenly.
+/// with AVX-512, AVX2 and SSE2, pass and B̂ in one call, on chains to 300 links, trees to 255, the biped and one to six limbs on
+/// a free base (slower by more than 10 % than the other form in 16 of 6508 cases, by 0.3 % in the mean), otherwise as counted.
+/// Columns are taken to be spread over the inputs of the tree evenly.
 template <class Scalar>
 [[gnu::cold]] Index product_pays_from(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
 {
@@ -39,14 +39,12 @@ template <class Scalar>
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
-  constexpr double call_cost = several ? 40 : 0;  // of the product
-  constexpr double input_cost = several ? 6 : 0;  // and per column of B̂, beyond the sweep's
-  constexpr Cost node_cost = several ? Cost{30, 10} : Cost{0, 12};
-  constexpr Cost column_cost = several ? Cost{8, 45} : Cost{10, 13};
-  constexpr Cost outward_cost = several ? Cost{25, 50} : Cost{12, 15};
-  constexpr Cost inward_cost = several ? Cost{63, 60} : Cost{28, 15};
+  constexpr double node_cost = 12;
+  constexpr Cost column_cost = several ? Cost{0, 15} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{27, 42} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{7, 1} : Cost{28, 15};
   constexpr double wide_cost = 1.25;    // a wide sweep of a narrow one's
-  double factors = call_cost;           // L and H
+  double factors = 0;                   // L and H
   double everywhere = 0;                // outward loop of the sweep
   double inward = 0;                    // its inward loop, along the paths of the inputs' columns
   std::vector<double> path(static_cast<std::size_t>(tree.size()), 0);
@@ -57,29 +55,34 @@ template <class Scalar>
     const auto parent = static_cast<std::size_t>(node.parent);
     factors += registers * std::ceil(static_cast<double>(node.path_v) / lanes) *
                    (column_cost.fixed + column_cost.per_velocity * moving) +
-               node_cost.fixed + node_cost.per_velocity * moving * moving;
+               node_cost * moving * moving;
     everywhere += outward_cost.fixed + outward_cost.per_velocity * moving;
     path[i] = inward_cost.fixed + inward_cost.per_velocity * moving + (node.parent < 0 ? 0.0 : path[parent]);
     rows[i] = registers * moving * std::ceil(static_cast<double>(node.v_end - node.v) / lanes) +
               (node.parent < 0 ? 0.0 : rows[parent]);
   }
   double product = 0;
+  Index rows_of_L = 0;  // columns of β that are such
   for (Index id = 0; id < inputs.blocks(); ++id) {
     const Input<Scalar>& input = inputs.block(id);
     const auto i = static_cast<std::size_t>(input.subsystem);
     product += static_cast<double>(input.size) * rows[i];
     inward += static_cast<double>(input.size) * path[i];
+    if (input.kind == InputKind::motor && tree.velocities(input.subsystem) == 1) { rows_of_L += input.size; }
   }
   const Index most = inputs.max_columns();
   const double each = most > 0 ? 1 / static_cast<double>(most) : 0.0;
-  const double column = input_cost + product * each;
+  const double column = product * each;
   const double sweep = everywhere + inward * each;
-  // The sweep's cost goes in steps of its width: the last step below the product counts.
+  // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width: the last step
+  // below the product counts.
+  const bool symmetric = several && rows_of_L == tree.n_v();
   Index from = most + 1;
   for (; from > 1; --from) {
     const double count = static_cast<double>(from - 1);
     const double sweeps = !several || count <= width ? std::ceil(count / width) : wide_cost * std::ceil(count / (2 * width));
-    if (factors + count * column >= sweeps * sweep) { break; }
+    const double columns = symmetric && from > most ? count / 2 : count;
+    if (factors + columns * column >= sweeps * sweep) { break; }
   }
   return from;
 }
