@@ -16,6 +16,7 @@
 #include <cassert>
 #include <cmath>
 #include <concepts>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -28,7 +29,7 @@ namespace detail {
 ///
 /// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as measured
 /// with AVX-512, AVX2 and SSE2, pass and B̂ in one call, on chains to 300 links, trees to 255, the biped and one to six limbs on
-/// a free base (slower by more than 10 % than the other form in 16 of 6508 cases, by 0.3 % in the mean), otherwise as counted.
+/// a free base (slower by more than 10 % than the other form in 19 of 6508 cases, by 0.3 % in the mean), otherwise as counted.
 /// Columns are taken to be spread over the inputs of the tree evenly.
 template <class Scalar>
 [[gnu::cold]] Index product_pays_from(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
@@ -39,11 +40,18 @@ template <class Scalar>
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
+  if constexpr (several) {
+    // L decays along a path, by about 0.8 decades per link of a chain of equal ones: where it comes to numbers without a
+    // full mantissa, in float, the product takes longer (chain of 63, all joints driven: 2.1, of 100: 7 times as long as
+    // by sweeps).
+    constexpr int decades = -std::numeric_limits<Scalar>::min_exponent10;
+    if (0.8 * static_cast<double>(tree.max_path_v()) > decades) { return inputs.max_columns() + 1; }
+  }
   constexpr double node_cost = 12;
-  constexpr Cost column_cost = several ? Cost{0, 15} : Cost{10, 13};
-  constexpr Cost outward_cost = several ? Cost{27, 42} : Cost{12, 15};
-  constexpr Cost inward_cost = several ? Cost{7, 1} : Cost{28, 15};
-  constexpr double wide_cost = 1.25;    // a wide sweep of a narrow one's
+  constexpr Cost column_cost = several ? Cost{0, 17} : Cost{10, 13};
+  constexpr Cost outward_cost = several ? Cost{28, 43} : Cost{12, 15};
+  constexpr Cost inward_cost = several ? Cost{6, 1} : Cost{28, 15};
+  constexpr double wide_cost = 1.3;     // a wide sweep of a narrow one's
   double factors = 0;                   // L and H
   double everywhere = 0;                // outward loop of the sweep
   double inward = 0;                    // its inward loop, along the paths of the inputs' columns
@@ -74,8 +82,8 @@ template <class Scalar>
   const double each = most > 0 ? 1 / static_cast<double>(most) : 0.0;
   const double column = product * each;
   const double sweep = everywhere + inward * each;
-  // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width: the last step
-  // below the product counts.
+  // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width: the
+  // last step below the product counts.
   const bool symmetric = several && rows_of_L == tree.n_v();
   Index from = most + 1;
   for (; from > 1; --from) {
