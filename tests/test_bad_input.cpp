@@ -2,6 +2,8 @@
 #include "catch.hpp"
 #include "random_tree.hpp"
 
+#include <iim/subsystem/joint_more.hpp>
+
 #include <limits>
 #include <string>
 #include <utility>
@@ -212,6 +214,19 @@ TEST_CASE("inputs", "[bad input]")
 
 namespace {
 
+/// A planar link with a motor that stays behind.
+struct PlanarOnMotor : RigidLink<Planar<double>> {
+  Body<double> motor = body_of(1);
+  static Body<double> body_of(double mass)
+  {
+    Body<double> body;
+    body.mass = mass;
+    body.inertia = Mat3::Identity();
+    return body;
+  }
+  std::array<CarriedBody<double>, 2> bodies() const { return {{{0, body}, {-1, motor}}}; }
+};
+
 /// A type whose author forgot to look at the body.
 struct Careless : RevoluteLink<double> {
   void prepare(const std::string& name) { joint.prepare(name); }
@@ -225,4 +240,12 @@ TEST_CASE("a body that cannot exist is found also where a type of one's own does
   link.body.mass = 1;
   link.body.inertia = Eigen::Vector3d(1, 1, 5).asDiagonal();
   CHECK_THROWS_WITH(DynamicTree(Assembly<Careless>().add("blade", {}, link)), ContainsSubstring("'blade'"));
+}
+
+TEST_CASE("a type whose coupling point follows the frame has no body on the inlet")
+{
+  PlanarOnMotor link;
+  link.body = PlanarOnMotor::body_of(2);
+  CHECK_THROWS_WITH(DynamicTree(Assembly<PlanarOnMotor>().add("puck", {}, link)),
+                    ContainsSubstring("'puck'") && ContainsSubstring("inlet"));
 }

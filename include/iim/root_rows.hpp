@@ -1,7 +1,8 @@
 // Rows [N | z | v] of the square-root form (square_root.hpp), and their reduction by an orthogonal Q: Householder's
-// reflections, each about the row that is largest in the column it takes, columns pivoted. Column by column, so that one
-// instruction works on as many rows as a register holds. (One row in a register: the pass of the biped takes 1.5 times as long
-// in double, 1.6 in float, where registers hold eight and sixteen numbers.)
+// reflections, each about the row that is largest in the column it takes, columns pivoted. They are kept column by column, so
+// that an instruction works on as many rows as a register holds. (With one row in a register or two, and rows kept for all
+// frames at once, the pass of the biped of ideal motors took 16 % longer in double and 26 % in float with AVX-512, 3 and 13 %
+// with AVX2, 41 and 17 % with SSE2.)
 #pragma once
 
 #include <iim/registers.hpp>
@@ -69,9 +70,8 @@ template <class Scalar>
   }
 }
 
-/// Without signs.
 template <class Scalar>
-[[gnu::always_inline]] inline RowsPart<Scalar> size_of_rows(const RowsPart<Scalar>& part)
+[[gnu::always_inline]] inline RowsPart<Scalar> without_signs(const RowsPart<Scalar>& part)
 {
   if constexpr (rows_abreast<Scalar> > 1) {
     using Bits = std::conditional_t<sizeof(Scalar) == 8, std::int64_t, std::int32_t>;
@@ -204,7 +204,7 @@ RootRow<Scalar> size_of_columns(const RootRows<Scalar, most>& rows)
   RootRow<Scalar> size;
   for (int c = 0; c < 8; ++c) {
     RowsPart<Scalar> sum = no_rows<Scalar>();
-    for (Eigen::Index r = 0; r < rows.end(); r += rows.lanes) { sum += size_of_rows<Scalar>(rows_at(rows.at(c, r))); }
+    for (Eigen::Index r = 0; r < rows.end(); r += rows.lanes) { sum += without_signs<Scalar>(rows_at(rows.at(c, r))); }
     size(c) = sum_of_rows<Scalar>(sum);
   }
   return size;

@@ -13,7 +13,7 @@
 // and Reid 1969; Cox and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
 // v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its own
 // axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child.
-// Rotors and springs come after the bodies, in a reflection of their own: together, each row of a heavy link would get a
+// Rotors and springs come after the bodies, in rotations of their own: together, each row of a heavy link would get a
 // small share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the
 // rotor's row.
 // The gyroscopic moment of a rotor with a body of its own is z of that body's rows. A free frame, which has no
@@ -76,13 +76,14 @@ struct OwnRows {
 };
 
 /// [N | z] of what one frame carries: the rows of its own body, and those of its children, each beginning with a new register. Rows
-/// are compressed where there would be more than `loose`: a reflection of twenty rows costs little more than one of ten, and
-/// compressing as much as several. More rows than rank have a residual in z; where it is a force between heavy bodies its
-/// roundings move what is much lighter, and rows are compressed.
+/// are compressed where there would be more than `loose`: a reflection of forty rows costs little more than one of twenty, and
+/// compressing as much as several (AVX-512: a chain of twenty takes 430 cycles a joint with 64, 440 with 48, 446 with 32). More
+/// rows than rank have a residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and
+/// rows are compressed.
 template <class Scalar>
 struct RootInertia {
   static constexpr int loose = rows_abreast<Scalar> >= 8 ? 64 : 40;
-  static constexpr int loose_on_free = 2 * loose + 8;  ///< which are compressed to six at once
+  static constexpr int loose_on_free = 2 * loose + 8;  ///< where all are compressed to six
   static constexpr int most = loose_on_free + 32;  ///< with what lies within a child, its bodies on the inlet, and to whole registers
   static constexpr int within = 4;  ///< and for rotors and springs
   static constexpr int most_within = 64;  ///< of these, on a subsystem of any kind
@@ -287,8 +288,8 @@ template <bool with_v, class Scalar, int most, class Rows>
     }
 #pragma GCC unroll 8
     for (std::size_t k = 0; k < 3; ++k) {
-      sum += size_of_rows<Scalar>(a[k]) * size(static_cast<int>(k));
-      other += size_of_rows<Scalar>(a[k + 3]) * size(static_cast<int>(k + 3));
+      sum += without_signs<Scalar>(a[k]) * size(static_cast<int>(k));
+      other += without_signs<Scalar>(a[k + 3]) * size(static_cast<int>(k + 3));
       put_rows<Scalar>(a[k], onto.at(static_cast<int>(k), to));
     }
     put_rows<Scalar>((a[3] - a[1] * r(2)) + a[2] * r(1), onto.at(3, to));
