@@ -111,7 +111,7 @@ bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::
   }
   std::array<int, 6> pivot{};
   if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
-  const int rank = in_one_function<Scalar>([&] { return compress<6>(rows, N, pivot, 6, tape, rows.count); });
+  const int rank = compress_apart<6>(rows, N, pivot, 6, tape, rows.count);
   if (rank < 6) { return false; }
   bool regular = true;
   std::array<RootRow<Scalar>, 7>& G = inertia.G;

@@ -173,6 +173,27 @@ void put_compressed(const std::array<RootRow<Scalar>, steps>& result, int count,
   for (int k = 0; k < count; ++k) { rows.put_row(k, result[static_cast<std::size_t>(k)]); }
 }
 
+/// To `compressed` at most `rank` rows in place of others, n(r) those from row r on, `count` of them without the one at `hole`; on
+/// the tape they are from `out` on.
+template <int most, class Scalar, class Rows>
+[[gnu::always_inline]] inline Eigen::Index compress_left(Rows&& n, Eigen::Index count, Eigen::Index hole, int rank,
+                                                         RootRows<Scalar, 6>& compressed, RowTape<Scalar>* tape, Eigen::Index out)
+{
+  RootRows<Scalar, most> rows;
+  for (Eigen::Index r = 0; r < count; r += rows.lanes) {
+    const auto part = n(r);
+#pragma GCC unroll 8
+    for (int c = 0; c < 7; ++c) { put_rows<Scalar>(part[static_cast<std::size_t>(c)], rows.at(c, r)); }
+    put_rows<Scalar>(no_rows<Scalar>(), rows.at(along_S, r));
+  }
+  rows.count = count;
+  if (hole >= 0) { rows.put_row(hole, SingleRow<Scalar>::zero()); }
+  std::array<RootRow<Scalar>, 6> result;
+  std::array<int, 6> pivot;
+  put_compressed(result, compress_apart<6>(rows, result, pivot, rank, tape, out), compressed);
+  return compressed.count;
+}
+
 /// What a subsystem leaves beside its rows.
 template <class Scalar, int n_within>
 struct LeftWithin {
@@ -213,7 +234,7 @@ template <Scene scene, class S, class Workspace, class Rows, int n_within>
     std::array<RootRow<Scalar>, 6> result;
     std::array<int, 6> pivot;
     const Eigen::Index before = onto.count;
-    const int rank = compress<6>(onto, result, pivot, 6, inlet_tape, before);
+    const int rank = compress_apart<6>(onto, result, pivot, 6, inlet_tape, before);
     if (inlet_tape != nullptr) [[unlikely]] {
       inlet_tape->move(before, 0, rank);
       inlet_tape->cut(rank);

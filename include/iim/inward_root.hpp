@@ -19,24 +19,6 @@
 
 namespace iim::detail {
 
-/// Rows compressed to `rank`, which are on the tape from `out` on, and stacked on the inlet.
-template <Scene scene, class S, class Workspace, class Rows, int n_within>
-[[gnu::noinline]] void compress_on_inlet(const Node& node, const NodeState<S>& state, Rows& rows, int rank, bool inlet_bodies,
-                                         Workspace& ws, const LeftWithin<typename S::Scalar, n_within>& left,
-                                         RowTape<typename S::Scalar>* tape, Eigen::Index out,
-                                         Eigen::Index within_from)
-{
-  using Scalar = typename S::Scalar;
-  std::array<RootRow<Scalar>, 6> result;
-  std::array<int, 6> pivot;
-  rank = in_one_function<Scalar>([&] { return compress<6>(rows, result, pivot, rank, tape, out); });
-  RootRows<Scalar, 6> compressed;
-  put_compressed(result, rank, compressed);
-  const auto n = [&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<7>(compressed, r); };
-  in_one_function<Scalar>(
-      [&] { stack_on_inlet<scene>(node, state, n, rank, -1, inlet_bodies, ws, left, tape, out, within_from); });
-}
-
 /// Rows of all frames, rotors and springs; eliminated; stacked on the parent.
 template <Scene scene, class S, class Workspace>
 void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
@@ -285,30 +267,26 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   put_wrench<S>(node, state, hg, own_load, ws);
   if constexpr (keeps_v && has_known) { left.known = TriplePair<Scalar>::settled(ws.frame(node.frame).bias.data()); }
   const RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  const Eigen::Index count = rows.count;
-  const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
+  Eigen::Index count = rows.count, hole = keeps_v && moves ? reflection.pivot : -1, from = 0;
+  const Eigen::Index within_from = count + n_i;
+  constexpr std::size_t columns = keeps_v ? 8 : 7;
+  RootRows<Scalar, 6> compressed;
+  bool is_compressed = false;
   const auto rest = [&](Eigen::Index r) __attribute__((always_inline)) {
+    if (is_compressed) [[unlikely]] { return columns_at<columns>(compressed, r); }
     if constexpr (keeps_v) {
-      return moves ? reflected(rows, reflection, r) : columns_at<8>(rows, r);
-    } else {
-      return columns_at<7>(rows, r);
+      if (moves) [[likely]] { return reflected(rows, reflection, r); }
     }
+    return columns_at<columns>(rows, r);
   };
+  const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
   if (light || ws.rows(node.inlet).end() + count > (inlet.is_free ? inlet.loose_on_free : inlet.loose)) {
-    RootRows<Scalar, room> whole;
-    for (Eigen::Index r = 0; r < count; r += rows.lanes) {
-      const auto n = rest(r);
-#pragma GCC unroll 8
-      for (std::size_t c = 0; c < 7; ++c) { put_rows<Scalar>(n[c], whole.at(static_cast<int>(c), r)); }
-      put_rows<Scalar>(no_rows<Scalar>(), whole.at(along_S, r));
-    }
-    whole.count = count;
-    if (keeps_v && moves) { whole.put_row(reflection.pivot, SingleRow<Scalar>::zero()); }
-    const Eigen::Index at = count + n_i + n_put;
-    compress_on_inlet<scene>(node, state, whole, keeps_v || annihilated ? 6 - n_i : 6, true, ws, left, tape, at, count + n_i);
-    return;
+    from = within_from + n_put;
+    count = compress_left<room>(rest, count, hole, keeps_v || annihilated ? 6 - n_i : 6, compressed, tape, from);
+    hole = -1;
+    is_compressed = true;
   }
-  stack_on_inlet<scene>(node, state, rest, count, keeps_v && moves ? reflection.pivot : -1, true, ws, left, tape, 0, count + n_i);
+  stack_on_inlet<scene>(node, state, rest, count, hole, true, ws, left, tape, from, within_from);
 }
 
 /// A frame of a subsystem without velocities.
@@ -319,14 +297,19 @@ void fixed_root_inward(const Node& node, const NodeState<S>& state, int k, Works
   const LeftWithin<Scalar, 0> left;
   begin_rows(node.frame + k, ws);
   RowTape<Scalar>* const tape = ws.frame_tape(node.frame + k);
-  auto& rows = ws.rows(node.frame + k);
-  if (ws.rows(node.inlet).end() + rows.count > RootInertia<Scalar>::loose) {
-    const Eigen::Index count = rows.count;
-    compress_on_inlet<scene>(node, state, rows, 6, k == 0, ws, left, tape, count, 0);
-    return;
+  const auto& rows = ws.rows(node.frame + k);
+  Eigen::Index count = rows.count, from = 0;
+  RootRows<Scalar, 6> compressed;
+  bool is_compressed = false;
+  const auto n = [&](Eigen::Index r) __attribute__((always_inline)) {
+    return is_compressed ? columns_at<7>(compressed, r) : columns_at<7>(rows, r);
+  };
+  if (ws.rows(node.inlet).end() + count > RootInertia<Scalar>::loose) {
+    from = count;
+    count = compress_left<RootInertia<Scalar>::Rows::most>(n, count, -1, 6, compressed, tape, from);
+    is_compressed = true;
   }
-  const auto n = [&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<7>(rows, r); };
-  stack_on_inlet<scene>(node, state, n, rows.count, -1, k == 0, ws, left, tape, 0, 0);
+  stack_on_inlet<scene>(node, state, n, count, -1, k == 0, ws, left, tape, from, 0);
 }
 
 template <Scene scene, class S, class Workspace>

@@ -496,4 +496,13 @@ int compress(RootRows<Scalar, most>& rows, std::array<RootRow<Scalar>, static_ca
   return rank;
 }
 
+/// The same in one function for all subsystems.
+template <int steps, class Scalar, int most>
+[[gnu::noinline]] int compress_apart(RootRows<Scalar, most>& rows, std::array<RootRow<Scalar>, static_cast<std::size_t>(steps)>& result,
+                                     std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank, RowTape<Scalar>* tape,
+                                     Eigen::Index out)
+{
+  return in_one_function<Scalar>([&] { return compress<steps>(rows, result, pivot, rank, tape, out); });
+}
+
 }  // namespace iim::detail
