@@ -209,13 +209,12 @@ struct LeftWithin {
   }
 };
 
-/// The rows that are left, n(r) those from row r on, `count`, of which the one at `hole` is no more, and those of bodies on the inlet, seen
-/// from the parent's point. `tape`: of what leaves the rows, `from` the first of them there, `within_from` the first of what lies
-/// within.
+/// The rows that are left, n(r) those from row r on, `count`, of which the one at `hole` is no more, and those of bodies on the
+/// inlet, seen from the parent's point. `tape`: of what leaves the rows, `from` the first of them there, `within_from` the first
+/// of what lies within.
 template <Scene scene, class S, class Workspace, class Rows, int n_within>
 [[gnu::always_inline]] inline void stack_on_inlet(const Node& node, const NodeState<S>& state, Rows&& n, Eigen::Index count,
-                                                  Eigen::Index hole,
-                                                  bool inlet_bodies, Workspace& ws,
+                                                  Eigen::Index hole, bool inlet_bodies, Workspace& ws,
                                                   const LeftWithin<typename S::Scalar, n_within>& left,
                                                   RowTape<typename S::Scalar>* tape, Eigen::Index from,
                                                   Eigen::Index within_from)
@@ -290,7 +289,8 @@ template <Scene scene, class S, class Workspace, class Rows, int n_within>
     move.known = none;
     if constexpr (scene.velocity) { move.known.template head<3>() = state.c; }
     move.T = none;
-    move_rows<true>([&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<8>(own.rows, r); }, body_rows, move, onto, scale);
+    const auto of_body = [&](Eigen::Index r) __attribute__((always_inline)) { return columns_at<8>(own.rows, r); };
+    move_rows<true>(of_body, body_rows, move, onto, scale);
     inlet.heaviest = max(inlet.heaviest, body.root_mass);
   }
 }

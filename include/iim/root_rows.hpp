@@ -8,6 +8,7 @@
 #include <iim/registers.hpp>
 #include <iim/row.hpp>
 #include <iim/row_tape.hpp>
+#include <iim/rows_abreast.hpp>
 #include <iim/triple.hpp>
 
 #include <Eigen/Core>
@@ -25,114 +26,6 @@
 #include <utility>
 
 namespace iim::detail {
-
-/// How many rows one register takes.
-template <class Scalar>
-inline constexpr int rows_abreast = 1;
-template <>
-inline constexpr int rows_abreast<double> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(double), 1, 8);
-template <>
-inline constexpr int rows_abreast<float> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(float), 1, 8);
-
-/// The numbers of one column in so many rows.
-template <class Scalar>
-using RowsPart = typename PartOf<Scalar, rows_abreast<Scalar>>::Type;
-
-template <class Scalar>
-[[gnu::always_inline]] inline RowsPart<Scalar> rows_at(const Scalar* x)
-{
-  if constexpr (rows_abreast<Scalar> > 1) {
-    RowsPart<Scalar> part;
-    std::memcpy(&part, x, sizeof part);
-    return part;
-  } else {
-    return *x;
-  }
-}
-
-template <class Scalar>
-[[gnu::always_inline]] inline void put_rows(const RowsPart<Scalar>& part, Scalar* x)
-{
-  if constexpr (rows_abreast<Scalar> > 1) {
-    std::memcpy(x, &part, sizeof part);
-  } else {
-    *x = part;
-  }
-}
-
-template <class Scalar>
-[[gnu::always_inline]] inline RowsPart<Scalar> no_rows()
-{
-  if constexpr (rows_abreast<Scalar> > 1) {
-    return RowsPart<Scalar>{};
-  } else {
-    return Scalar(0);
-  }
-}
-
-template <class Scalar>
-[[gnu::always_inline]] inline RowsPart<Scalar> without_signs(const RowsPart<Scalar>& part)
-{
-  if constexpr (rows_abreast<Scalar> > 1) {
-    using Bits = std::conditional_t<sizeof(Scalar) == 8, std::int64_t, std::int32_t>;
-    using Integers = typename VectorOf<Bits, rows_abreast<Scalar>>::Type;
-    return std::bit_cast<RowsPart<Scalar>>(std::bit_cast<Integers>(part) & std::numeric_limits<Bits>::max());
-  } else {
-    using std::abs;
-    return abs(part);
-  }
-}
-
-/// Sums over the numbers in each of `count` registers, count a power of two, to sum[0], …: of pairs of registers halves are added
-/// until one number of each sum is left.
-template <class Scalar, std::size_t count>
-[[gnu::always_inline]] inline void sum_rows(const std::array<RowsPart<Scalar>, count>& part, Scalar* sum)
-{
-  constexpr int lanes = rows_abreast<Scalar>;
-  if constexpr (lanes == 1) {
-    for (std::size_t k = 0; k < count; ++k) { sum[k] = part[k]; }
-  } else {
-    const auto halved = [&]<int group, class Parts>(auto&& self, std::integral_constant<int, group>, const Parts& parts)
-                            __attribute__((always_inline)) {
-      if constexpr (group == 1) {
-        std::memcpy(sum, &parts, std::min(sizeof parts, count * sizeof(Scalar)));
-      } else {
-        constexpr std::size_t size = std::tuple_size_v<Parts>, left = size > 1 ? size / 2 : 1;
-        constexpr int half = group / 2;
-        std::array<RowsPart<Scalar>, left> next;
-        [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) {
-          unrolled<static_cast<int>(left)>([&](auto k) __attribute__((always_inline)) {
-            const RowsPart<Scalar>&a = parts[2 * k < static_cast<int>(size) ? 2 * k : 0], &b = parts[size > 1 ? 2 * k + 1 : 0];
-            next[k] = __builtin_shufflevector(a, b, (i / half * group + i % half)...) +
-                      __builtin_shufflevector(a, b, (i / half * group + i % half + half)...);
-          });
-        }(std::make_integer_sequence<int, lanes>{});
-        self(self, std::integral_constant<int, half>{}, next);
-      }
-    };
-    halved(halved, std::integral_constant<int, lanes>{}, part);
-  }
-}
-
-/// The same for a multiple of eight.
-template <class Part, std::size_t count, class Scalar>
-[[gnu::always_inline]] inline void sum_rows_by_eight(const std::array<Part, count>& part, Scalar* sum)
-{
-  unrolled<static_cast<int>(count) / 8>([&](auto k) __attribute__((always_inline)) {
-    std::array<Part, 8> eight;
-    unrolled<8>([&](auto c) __attribute__((always_inline)) { eight[c] = part[static_cast<std::size_t>(8 * k + c)]; });
-    sum_rows<Scalar, 8>(eight, sum + 8 * k);
-  });
-}
-
-/// Sum over the numbers in a register.
-template <class Scalar>
-[[gnu::always_inline]] inline Scalar sum_of_rows(const RowsPart<Scalar>& part)
-{
-  Scalar sum[1];
-  sum_rows<Scalar, 1>({part}, sum);
-  return sum[0];
-}
 
 /// One row, where it is worked on by itself.
 template <class Scalar>
@@ -190,7 +83,7 @@ struct RootRows {
 /// The first columns of the rows from row r on that one register takes.
 template <std::size_t n, class Scalar, int most, int columns>
 [[gnu::always_inline]] inline std::array<RowsPart<Scalar>, n> columns_at(const RootRows<Scalar, most, columns>& rows,
-                                                                                Eigen::Index r)
+                                                                         Eigen::Index r)
 {
   std::array<RowsPart<Scalar>, n> part;
   unrolled<static_cast<int>(n)>([&](auto c) __attribute__((always_inline)) { part[c] = rows_at(rows.at(c, r)); });
@@ -247,7 +140,6 @@ public:
         size = size > other ? size : other;
       };
       constexpr std::make_integer_sequence<int, lanes> lane;
-      if constexpr (lanes > 8) { halve(lane, std::integral_constant<int, 8>{}); }
       if constexpr (lanes > 4) { halve(lane, std::integral_constant<int, 4>{}); }
       if constexpr (lanes > 2) { halve(lane, std::integral_constant<int, 2>{}); }
       halve(lane, std::integral_constant<int, 1>{});
@@ -272,8 +164,8 @@ private:
 template <class Scalar, int columns>
 struct Reflection {
   static constexpr std::size_t padded = (columns + 7) / 8 * 8;
-  int x;
-  Eigen::Index pivot;
+  int x = 0;
+  Eigen::Index pivot = 0;
   alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> top;  ///< row `pivot` after it: Xᵀx/α
   alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> w;    ///< what x(r) times is taken from the other rows
 
@@ -307,9 +199,8 @@ template <bool take, class Scalar, int most, int columns, class Rows>
 {
   using std::sqrt;
   constexpr std::size_t padded = Reflection<Scalar, columns>::padded;
-  const auto& sum = sums.sum;
   auto& s = reflection.top;
-  sum_rows_by_eight(sum, s.data());
+  sum_rows_by_eight(sums.sum, s.data());
   const Scalar square = s[static_cast<std::size_t>(x)];
   if (!(square > Scalar(0))) { return false; }
   const Eigen::Index pivot = sums.largest.row();
@@ -330,10 +221,10 @@ template <bool take, class Scalar, int most, int columns, class Rows>
         return c < columns ? *rows.at(c < columns ? c : 0, pivot) : Scalar(0);
       };
       const Side above{number(begin + i)...};
-      Side columns_s;
+      Side of_s;
       if constexpr (side > 1) {
-        std::memcpy(&columns_s, s.data() + begin, sizeof columns_s);
-        const Side w = (columns_s - above * alpha) * factor, row = columns_s * inverse;
+        std::memcpy(&of_s, s.data() + begin, sizeof of_s);
+        const Side w = (of_s - above * alpha) * factor, row = of_s * inverse;
         std::memcpy(reflection.w.data() + begin, &w, sizeof w);
         std::memcpy(s.data() + begin, &row, sizeof row);
       } else {

@@ -85,10 +85,10 @@ struct RootInertia {
   static constexpr int loose = rows_abreast<Scalar> >= 8 ? 64 : 40;
   static constexpr int loose_on_free = 2 * loose + 8;  ///< where all are compressed to six
   static constexpr int most = loose_on_free + 32;  ///< with what lies within a child, its bodies on the inlet, and to whole registers
-  static constexpr int within = 4;  ///< and for rotors and springs
-  static constexpr int most_within = 64;  ///< of these, on a subsystem of any kind
+  static constexpr int within = 4;        ///< rotors and springs of a subsystem of one column
+  static constexpr int most_within = 64;  ///< and of any kind
   using Rows = RootRows<Scalar, most>;
-  std::size_t place;   ///< of its rows (RowsPlaces)
+  std::size_t place;   ///< of its rows (WorkspaceData::rows)
   OwnRows<Scalar> own;
   std::array<RootRow<Scalar>, 7> G;  ///< of a free frame (free_root.hpp)
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
@@ -116,13 +116,6 @@ struct SharedAxis {
   Scalar slip;    ///< share · (1 − W S_i)
 };
 
-/// Whether a subsystem may have anything but its bodies' rows.
-template <class S>
-constexpr bool has_within()
-{
-  return rotor_count<S>() + spring_count<S>() > 0;
-}
-
 /// Of a free frame, which moves by six columns: the joint `child` that carries most of what hangs on it, and its column S
 /// (free_root.hpp, free_inward.hpp).
 template <class Scalar>
@@ -138,7 +131,7 @@ struct FreeAxis {
   TriplePair<Scalar> size{};                       ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
   Scalar loss = Scalar(0);
 };
-inline constexpr std::size_t free_rate = 6;  ///< row of the rate in G, which a free frame keeps in its first seven rows
+inline constexpr std::size_t free_rate = 6;  ///< row of the rate in RootInertia::G
 
 /// What v of a frame's own body is made from.
 enum class Along {
