@@ -199,20 +199,22 @@ template <Scene scene, class S, class Workspace>
     along = along_loss(&ws.frame(node.frame), state);
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
-  if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, state.MbarR_inv)) {
+  Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
+  if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
-  if constexpr (mends_pivots<S, Workspace>()) { largest_inverse = std::max(largest_inverse, state.MbarR_inv(0, 0)); }
+  if constexpr (mends_pivots<S, Workspace>()) { largest_inverse = std::max(largest_inverse, D_inv(0, 0)); }
   state.MbarR = D;
-  state.psi = product(state.MbarR_inv, hq);
+  state.MbarR_inv = D_inv;
+  state.psi = product(D_inv, hq);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
   Columns W;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
-    W[d] = U[0] * state.MbarR_inv(d, 0);
+    W[d] = U[0] * D_inv(d, 0);
 #pragma GCC unroll 8
-    for (int e = 1; e < n_i; ++e) { W[d] += U[e] * state.MbarR_inv(d, e); }
+    for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
     if constexpr (n_i == 1) {
       W[0].put(state.W.data());
     } else {
