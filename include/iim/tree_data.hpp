@@ -74,7 +74,7 @@ public:
   const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
   /// Whether the axes of subsystem i are made orthogonal again: at every 16th of a path.
-  bool straightens(Index i) const { return depth_[static_cast<std::size_t>(i)] % 16 == 15; }
+  bool straightens(Index i) const { return depth(i) % 16 == 15; }
   const FrameMass<Scalar>& frame_mass(Index frame) const { return frame_mass_[static_cast<std::size_t>(frame)]; }
   const FrameMass<Scalar>& inlet_mass(Index i) const { return inlet_mass_[static_cast<std::size_t>(i)]; }
   /// Subsystem that owns a frame.
@@ -119,6 +119,8 @@ protected:
           part.part);
     }
     close_subtrees();
+    for (Index i = size(); i-- > 0;) { deepest_first_.push_back(i); }
+    std::stable_sort(deepest_first_.begin(), deepest_first_.end(), [&](Index a, Index b) { return depth(a) > depth(b); });
     for (const auto& frame : assembly.named_frames()) {
       const Attachment<Scalar> on = assembly.on_part(frame.name, frame.on);
       FrameReference<Scalar> reference{-1, -1, {on.R, on.p}};
@@ -131,11 +133,15 @@ protected:
   }
 
   std::vector<Node> nodes_;
+  std::vector<Index> deepest_first_;  // subsystems by depth; those of one depth last to first
 
 private:
   struct Sizes {
     int n_q, n_i, n_u, n_frames;
   };
+
+  /// Number of ancestors.
+  Index depth(Index i) const { return depth_[static_cast<std::size_t>(i)]; }
 
   // Not by type of the subsystem: this is the same for all, and what it would cost is compile time.
   template <class Part>
@@ -166,7 +172,7 @@ private:
     names_.push_back(part.name);
     placements_.push_back({without_noise(part.on.R), part.on.p});
     turns_.push_back(placements_.back().R != Matrix3<Scalar>::Identity());
-    depth_.push_back(part.parent < 0 ? 0 : depth_[static_cast<std::size_t>(part.parent)] + 1);
+    depth_.push_back(part.parent < 0 ? 0 : depth(part.parent) + 1);
     inlet_mass_.emplace_back();
     for (int k = 0; k < s.n_frames; ++k) {
       frame_mass_.emplace_back();
@@ -225,7 +231,7 @@ private:
   std::vector<std::string> names_;
   std::vector<Placement<Scalar>> placements_;
   std::vector<char> turns_;
-  std::vector<Index> depth_;  // number of ancestors
+  std::vector<Index> depth_;
   std::vector<FrameMass<Scalar>> frame_mass_;
   std::vector<FrameMass<Scalar>> inlet_mass_;
   std::vector<Index> owner_;
