@@ -75,7 +75,7 @@ public:
   template <class F>
   void inward_abreast(F&& f) const
   {
-    for (const Index i : this->deepest_first_) { dispatch(this->node(i), f); }
+    for (const Index i : this->deepest_first()) { dispatch(this->node(i), f); }
   }
 
   /// Calls f(node, subsystem) for subsystem i.

@@ -67,6 +67,8 @@ public:
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
   const std::vector<Node>& nodes() const { return nodes_; }
   const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
+  /// Subsystems by depth, the deepest first; those of one depth last to first.
+  const std::vector<Index>& deepest_first() const { return deepest_first_; }
   /// How many velocities and motors subsystem i has.
   Index velocities(Index i) const { return (i + 1 < size() ? node(i + 1).v : n_v_) - node(i).v; }
   Index motors(Index i) const { return (i + 1 < size() ? node(i + 1).u : n_u_) - node(i).u; }
@@ -119,8 +121,7 @@ protected:
           part.part);
     }
     close_subtrees();
-    for (Index i = size(); i-- > 0;) { deepest_first_.push_back(i); }
-    std::stable_sort(deepest_first_.begin(), deepest_first_.end(), [&](Index a, Index b) { return depth(a) > depth(b); });
+    sort_by_depth();
     for (const auto& frame : assembly.named_frames()) {
       const Attachment<Scalar> on = assembly.on_part(frame.name, frame.on);
       FrameReference<Scalar> reference{-1, -1, {on.R, on.p}};
@@ -133,7 +134,6 @@ protected:
   }
 
   std::vector<Node> nodes_;
-  std::vector<Index> deepest_first_;  // subsystems by depth; those of one depth last to first
 
 private:
   struct Sizes {
@@ -215,6 +215,15 @@ private:
     }
   }
 
+  [[gnu::cold]] void sort_by_depth()
+  {
+    std::vector<Index> end(depth_.size());  // of the subsystems of each depth in deepest_first_
+    for (const Index depth : depth_) { ++end[static_cast<std::size_t>(depth)]; }
+    for (std::size_t depth = end.size(); depth-- > 1;) { end[depth - 1] += end[depth]; }
+    deepest_first_.resize(depth_.size());
+    for (Index i = 0; i < size(); ++i) { deepest_first_[static_cast<std::size_t>(--end[static_cast<std::size_t>(depth(i))])] = i; }
+  }
+
   static std::uint64_t next_id()
   {
     static std::atomic<std::uint64_t> last{0};
@@ -232,6 +241,7 @@ private:
   std::vector<Placement<Scalar>> placements_;
   std::vector<char> turns_;
   std::vector<Index> depth_;
+  std::vector<Index> deepest_first_;
   std::vector<FrameMass<Scalar>> frame_mass_;
   std::vector<FrameMass<Scalar>> inlet_mass_;
   std::vector<Index> owner_;
