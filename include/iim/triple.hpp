@@ -73,6 +73,7 @@ public:
   {
     return a(0) * b(0) + a(1) * b(1) + a(2) * b(2);
   }
+  [[gnu::always_inline]] friend Scalar sum(const Triple& a) { return a(0) + a(1) + a(2); }
   [[gnu::always_inline]] friend Triple cross(const Triple& a, const Triple& b)
   {
     return Triple(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2), a(0) * b(1) - a(1) * b(0));
@@ -180,8 +181,18 @@ public:
   [[gnu::always_inline]] friend Triple operator*(const Triple& a, Scalar s) { return a * all(s); }
   [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b)
   {
-    const Vector p = a.v_ * b.v_;
-    return (p[0] + p[1]) + p[2];
+    return sum(a * b);
+  }
+  [[gnu::always_inline]] friend Scalar sum(const Triple& a)
+  {
+#if defined(__AVX2__)
+    if constexpr (std::is_same_v<Scalar, double>) {
+      const __m256d v = std::bit_cast<__m256d>(a.v_);
+      const __m128d low = _mm256_castpd256_pd128(v), high = _mm256_extractf128_pd(v, 1);
+      return _mm_cvtsd_f64(_mm_add_sd(_mm_add_sd(low, _mm_unpackhi_pd(low, low)), high));
+    }
+#endif
+    return (a.v_[0] + a.v_[1]) + a.v_[2];
   }
   [[gnu::always_inline]] friend Triple cross(const Triple& a, const Triple& b)
   {
@@ -272,8 +283,7 @@ struct TriplePair {
   }
   [[gnu::always_inline]] friend Scalar dot(const TriplePair& a, const TriplePair& b)
   {
-    const Triple<Scalar> p = a.linear * b.linear + a.angular * b.angular;
-    return (p(0) + p(1)) + p(2);
+    return sum(a.linear * b.linear + a.angular * b.angular);
   }
   [[gnu::always_inline]] void put(Scalar* x) const
   {
