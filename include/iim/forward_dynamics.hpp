@@ -262,7 +262,8 @@ public:
     const auto step = [&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);
     };
-    // Square-root form has its rows where this order leaves room; of lanes, whose steps are long, all stays nearer so.
+    // In square-root form the frames share places for their rows, which are given for depth-first order (and steps are too long for
+    // the next to begin meanwhile: measured 1 % slower). Of lanes, a child's numbers would leave the nearest memory.
     if constexpr (std::is_floating_point_v<Scalar> && Workspace::update != Update::square_root) {
       ws.tree().inward_abreast(step);
     } else {
@@ -285,7 +286,9 @@ public:
   }
   void accelerations()
   {
-    accelerations([](const Node&, const auto&) {});
+    const Workspace& ws = workspace();
+    ws.tree().outward_abreast([&]<class S>(const Node& node, const S&) { this->accelerate(node, ws.template node<S>(node)); });
+    this->check_finite();
   }
 
   ForwardDynamics<Workspace> receipt() const

@@ -78,6 +78,14 @@ public:
     for (const Index i : this->deepest_first()) { dispatch(this->node(i), f); }
   }
 
+  /// And outward, the other way round (3 %).
+  template <class F>
+  void outward_abreast(F&& f) const
+  {
+    const std::vector<Index>& order = this->deepest_first();
+    for (auto i = order.rbegin(); i != order.rend(); ++i) { dispatch(this->node(*i), f); }
+  }
+
   /// Calls f(node, subsystem) for subsystem i.
   template <class F>
   void visit(Index i, F&& f) const
@@ -234,6 +242,14 @@ public:
   {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
       (f(this->nodes_[deepest_first[I]], std::get<deepest_first[I]>(subsystems_)), ...);
+    }(std::index_sequence_for<Nodes...>{});
+  }
+
+  template <class F>
+  void outward_abreast(F&& f) const
+  {
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+      (f(this->nodes_[deepest_first[n_nodes - 1 - I]], std::get<deepest_first[n_nodes - 1 - I]>(subsystems_)), ...);
     }(std::index_sequence_for<Nodes...>{});
   }
 
