@@ -84,10 +84,8 @@ template <class S, class Data>
     if (!ScalarTraits<Scalar>::is_positive(D - Scalar(1024) * along * along)) { return Scalar(0); }
   }
   if (!ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale)) { return Scalar(0); }
-  // What the roundings of this pivot would be in M⁻¹, against the larger parts of it. (With 2 in place of 4 every fifth state of an
-  // arm is mended, not every twelfth, which takes 4 % of all; one in a thousand has more than 9 ε then, not 11, and the worst of
-  // ten thousand 15, as now.)
-  if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(4) * D * D * largest_inverse)) { return Scalar(0); }
+  // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
+  if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * largest_inverse)) { return Scalar(0); }
   for (const SpunRotor<S>& rotor : spun) {  // A' S = 0 is for joints without inertia of their own
     if (!(rotor.J == Scalar(0))) { return Scalar(0); }
   }
