@@ -130,7 +130,6 @@ struct KinematicStep {
     constexpr MotionPattern pattern = S::pattern;
     const Placement<Scalar>& at = ws.tree().placement(node.index);
     Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
-    const Matrix3<Scalar>* R = &state.R;  // not waiting for the copy of the inlet's (biped, all: 2 %)
     if (node.inlet < 0) {
       state.R = at.R;
       state.r = at.p;
@@ -141,12 +140,8 @@ struct KinematicStep {
       } else {
 #pragma GCC unroll 8
         for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
-        R = &inlet.R;
       }
-      if (ws.tree().straightens(node.index)) {
-        straighten(state.R);
-        R = &state.R;
-      }
+      if (ws.tree().straightens(node.index)) { straighten(state.R); }
       const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
       r.put(state.r.data());
       if constexpr (scene.velocity) {
@@ -174,9 +169,9 @@ struct KinematicStep {
     }
     bool moved = false;
     if constexpr (takes_turn<S>()) {
-      moved = s.motion(*R, ws.turns().of(node.q, q_i(0)), qd_i, frames);
+      moved = s.motion(state.R, ws.turns().of(node.q, q_i(0)), qd_i, frames);
     } else {
-      moved = s.motion(*R, q_i, qd_i, frames);
+      moved = s.motion(state.R, q_i, qd_i, frames);
     }
     if (!moved) { diagnosis.fail(Status::invalid_state, node.index); }
     if constexpr (is_free<S>()) {

@@ -159,14 +159,16 @@ class StaticTree : public detail::TreeData<typename std::tuple_element_t<0, std:
   }
   static_assert(is_depth_first(), "the subsystems of a StaticTree must be listed depth first, parents before children");
 
-  static constexpr std::array<std::size_t, n_nodes> deepest_first = [] {
+  /// As TreeData::deepest_first, whose name stays free for it.
+  static constexpr std::array<std::size_t, n_nodes> by_depth = [] {
     std::array<int, n_nodes> depth{};
     std::array<std::size_t, n_nodes> order{};
     for (std::size_t i = 0; i < n_nodes; ++i) {
       if (parents[i] >= 0) { depth[i] = depth[static_cast<std::size_t>(parents[i])] + 1; }
       order[i] = i;
     }
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return depth[a] != depth[b] ? depth[a] > depth[b] : a > b; });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return depth[a] != depth[b] ? depth[a] > depth[b] : a > b; });
     return order;
   }();
 
@@ -241,7 +243,7 @@ public:
   void inward_abreast(F&& f) const
   {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
-      (f(this->nodes_[deepest_first[I]], std::get<deepest_first[I]>(subsystems_)), ...);
+      (f(this->nodes_[by_depth[I]], std::get<by_depth[I]>(subsystems_)), ...);
     }(std::index_sequence_for<Nodes...>{});
   }
 
@@ -249,7 +251,7 @@ public:
   void outward_abreast(F&& f) const
   {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
-      (f(this->nodes_[deepest_first[n_nodes - 1 - I]], std::get<deepest_first[n_nodes - 1 - I]>(subsystems_)), ...);
+      (f(this->nodes_[by_depth[n_nodes - 1 - I]], std::get<by_depth[n_nodes - 1 - I]>(subsystems_)), ...);
     }(std::index_sequence_for<Nodes...>{});
   }
 
