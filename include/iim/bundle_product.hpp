@@ -7,6 +7,7 @@
 
 #include <iim/branches.hpp>
 #include <iim/bundle_plan.hpp>
+#include <iim/inputs.hpp>
 #include <iim/registers.hpp>
 #include <iim/scalar.hpp>
 #include <iim/transpose.hpp>
@@ -39,14 +40,16 @@ class BundleProduct {
 public:
   static constexpr Index least_rows = lanes;  ///< of L; zeros after the last
 
-  [[gnu::cold]] BundleProduct(const TreeData<Scalar>& tree, Index max_columns) : plan_(tree, max_columns)
+  [[gnu::cold]] BundleProduct(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
+      : plan_(tree, inputs.max_columns())
   {
     L_.setZero(plan_.registers() * lanes);
     beta_.setZero((tree.n_v() + side) * lanes);
   }
 
   /// For columns that are others than before; as of the plan.
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other,
+            Index /*stride*/)
   {
     plan_.plan(columns, first_row, first_other);
   }

@@ -84,7 +84,7 @@ template <class Scalar>
   const double sweep = everywhere + inward * each;
   // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width: the
   // last step below the product counts.
-  const bool symmetric = several && rows_of_L == tree.n_v();
+  const bool symmetric = rows_of_L == tree.n_v() && (several || paths_are_shared(tree));
   Index from = most + 1;
   for (; from > 1; --from) {
     const double count = static_cast<double>(from - 1);

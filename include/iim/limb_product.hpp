@@ -3,6 +3,7 @@
 #pragma once
 
 #include <iim/branches.hpp>
+#include <iim/inputs.hpp>
 #include <iim/registers.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
@@ -18,82 +19,95 @@ namespace iim::detail {
 template <class Scalar>
 inline constexpr bool is_register = requires(Scalar& x) { x.hold(); };
 
-/// A few columns. L: entry (v, a) at L[v·L_stride + a], a: path position. β: entry (a, j) at beta[j][a].
-template <class Scalar, int count>
+/// Up to four columns of the product for one limb: all that does not depend on the state.
 struct LimbTile {
-  const Limb& limb;
-  Index depth;  ///< path positions that one of the columns reaches
-  const Scalar* L;
-  Index L_stride;
-  std::array<const Scalar*, count> beta;
+  Index v, gap;           ///< rows from v to gap
+  Index gap_end, v_end;   ///< and these; those between are columns that come before, and B̂ is symmetric there
+  Index begin, end;       ///< path positions: the limb's, as far as one of the columns reaches
+  bool first;             ///< of all that reach these rows: B̂ is assigned
+  int count;              ///< of columns
+  std::array<Index, 4> beta, column;  ///< where each begins, among the rows and in B̂
+};
+
+/// What the product works on. Entry (v, a) of L, a: path position, at rows[v·stride + a].
+template <class Scalar>
+struct LimbFactors {
+  const Scalar* rows;
+  Index stride;
   const Index* path_end;  ///< of a row: L is zero from this path position on
-  std::array<Scalar*, count> column;  ///< of B̂
+  Scalar* Bhat;
 };
 
 /// Path positions a … a + depth: β stays in registers while the rows of L pass by. (The sums in registers while L and β pass by:
 /// 40 % more time for the biped's product with g++ and AVX-512; this one runs at 85 to 90 % of the processor's peak.)
-template <int depth, bool assign, class Scalar, int count>
-[[gnu::noinline]] void multiply_chunk(const LimbTile<Scalar, count>& tile, Index a, Scalar& check)
+template <int depth, bool assign, int count, class Scalar>
+[[gnu::noinline]] void multiply_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a, Scalar& check)
 {
   std::array<Scalar, depth * count> beta;
+  std::array<Scalar*, count> column;
   unrolled<count>([&](auto j) __attribute__((always_inline)) {
-    unrolled<depth>([&](auto k) __attribute__((always_inline)) {
-      beta[j * depth + k] = tile.beta[j][a + k];
-    });
+    column[j] = factors.Bhat + tile.column[j];
+    const Scalar* const numbers = factors.rows + tile.beta[j] + a;
+    unrolled<depth>([&](auto k) __attribute__((always_inline)) { beta[j * depth + k] = numbers[k]; });
   });
-  Index v = tile.limb.v;
-  while (tile.path_end[v] <= a) { ++v; }
-  const Index end = tile.limb.v_end, stride = tile.L_stride;
-  const Scalar* l = tile.L + v * stride + a;
-  const std::array<Scalar*, count> column = tile.column;
+  const Index stride = factors.stride;
   Scalar all = check;
-  for (; v < end; ++v, l += stride) {
-    std::array<Scalar, count> sum;
-    unrolled<depth>([&](auto k) __attribute__((always_inline)) {
-      Scalar L = l[k];
-      hold(L);
-      unrolled<count>([&](auto j) __attribute__((always_inline)) {
-        if constexpr (k == 0) {
-          sum[j] = L * beta[j * depth];
-        } else {
-          sum[j] += L * beta[j * depth + k];
-        }
+  Index v = tile.v, end = tile.gap;
+  for (int part = 0; part < 2; ++part, v = tile.gap_end, end = tile.v_end) {
+    while (v < end && factors.path_end[v] <= a) { ++v; }
+    const Scalar* l = factors.rows + v * stride + a;
+    for (; v < end; ++v, l += stride) {
+      std::array<Scalar, count> sum;
+      unrolled<depth>([&](auto k) __attribute__((always_inline)) {
+        Scalar L = l[k];
+        hold(L);
+        unrolled<count>([&](auto j) __attribute__((always_inline)) {
+          if constexpr (k == 0) {
+            sum[j] = L * beta[j * depth];
+          } else {
+            sum[j] += L * beta[j * depth + k];
+          }
+        });
       });
-    });
-    unrolled<count>([&](auto j) __attribute__((always_inline)) {
-      column[j][v] = assign ? sum[j] : Scalar(column[j][v] + sum[j]);
-      if constexpr (is_register<Scalar>) { all += sum[j]; }
-    });
+      unrolled<count>([&](auto j) __attribute__((always_inline)) {
+        column[j][v] = assign ? sum[j] : Scalar(column[j][v] + sum[j]);
+        if constexpr (is_register<Scalar>) { all += sum[j]; }
+      });
+    }
   }
   check = all;
 }
 
 /// multiply_chunk<size>, for size ≤ most.
-template <int most, class Scalar, int count>
-[[gnu::always_inline]] inline void choose_chunk(const LimbTile<Scalar, count>& tile, Index a, Index size, Scalar& check)
+template <int most, int count, class Scalar>
+[[gnu::always_inline]] inline void choose_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a, Index size,
+                                                Scalar& check)
 {
   if (size < most) {
-    if constexpr (most > 1) { choose_chunk<most - 1>(tile, a, size, check); }
-  } else if (tile.limb.parent < 0 && a == tile.limb.begin) {
-    multiply_chunk<most, true>(tile, a, check);
+    if constexpr (most > 1) { choose_chunk<most - 1, count>(tile, factors, a, size, check); }
+  } else if (tile.first && a == tile.begin) {
+    multiply_chunk<most, true, count>(tile, factors, a, check);
   } else {
-    multiply_chunk<most, false>(tile, a, check);
+    multiply_chunk<most, false, count>(tile, factors, a, check);
   }
 }
 
 /// B̂ += L β; = L β for a limb on the world. All that is written to B̂ is added to `check`: B̂ is finite if that is.
-template <class Scalar, int count>
-void multiply(const LimbTile<Scalar, count>& tile, Scalar& check)
+template <int count, class Scalar>
+void multiply(const LimbTile& tile, const LimbFactors<Scalar>& factors, Scalar& check)
 {
   constexpr int most = is_register<Scalar> ? 6 : 1;  // 24 registers for β of four columns, of 32
-  if (tile.limb.parent < 0 && tile.depth <= tile.limb.begin) {  // inputs on what cannot move
-    for (Scalar* column : tile.column) { std::fill(column + tile.limb.v, column + tile.limb.v_end, Scalar(0)); }
+  if (tile.first && tile.end <= tile.begin) {  // inputs on what cannot move
+    for (int j = 0; j < count; ++j) {
+      Scalar* const column = factors.Bhat + tile.column[static_cast<std::size_t>(j)];
+      std::fill(column + tile.v, column + tile.v_end, Scalar(0));
+    }
   }
-  for (Index a = tile.limb.begin; a < tile.depth;) {
-    const Index left = tile.depth - a;
+  for (Index a = tile.begin; a < tile.end;) {
+    const Index left = tile.end - a;
     const Index chunks = (left + most - 1) / most;
     const Index size = (left + chunks - 1) / chunks;
-    choose_chunk<most>(tile, a, size, check);
+    choose_chunk<most, count>(tile, factors, a, size, check);
     a += size;
   }
 }
@@ -103,73 +117,109 @@ class LimbProduct {
 public:
   static constexpr Index least_rows = 0;  ///< of L
 
-  LimbProduct(const TreeData<Scalar>& tree, Index) : limbs_(tree)
+  LimbProduct(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs) : mirrors_(paths_are_shared(tree))
   {
+    const Limbs limbs(tree);
     for (const Node& node : tree.nodes()) {
       const Index own = tree.velocities(node.index);
       path_end_.insert(path_end_.end(), at(own), node.path_v + own);
-      if (limbs_.limb_of(node.index) == static_cast<Index>(subtrees_.size())) {
-        subtrees_.push_back({node.index, node.subtree_end, 0, 0});
-      }
+      const Index limb = limbs.limb_of(node.index);
+      if (limb == static_cast<Index>(subtrees_.size())) { subtrees_.push_back({limbs[limb], node.index, node.subtree_end}); }
       roots_ += node.parent < 0;
     }
+    Index most_tiles = 0;
+    for (const Subtree& subtree : subtrees_) {
+      Index columns = 0;
+      for (Index id = 0; id < inputs.blocks(); ++id) {
+        const Input<Scalar>& input = inputs.block(id);
+        if (input.subsystem >= subtree.begin && input.subsystem < subtree.end) { columns += input.size; }
+      }
+      most_tiles += columns / 4 + 3 * 3;  // of three ranges of columns each, what fours leave
+    }
+    tiles_.reserve(at(most_tiles));
   }
 
-  /// For columns that are others than before. Those on subsystems before i are the first first_column[i]; none is a row of L.
-  void plan(const std::vector<BetaColumn>&, const std::vector<Index>&, const std::vector<Index>& first_column)
+  /// For columns that are others than before, each kind sorted along the tree: those that are rows of L, and others. Of a
+  /// subsystem i the first are first_row[i] and first_other[i]. rows: from column to column of L and β.
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other,
+            Index stride)
   {
-    for (Subtree& subtree : subtrees_) {
-      subtree.columns = first_column[at(subtree.begin)];
-      subtree.columns_end = first_column[at(subtree.end)];
+    mirrored_ = mirrored_end_ = first_row.back();
+    first_mirrored_ = static_cast<Index>(path_end_.size());
+    while (mirrors_ && mirrored_ > first_row.front() && columns[at(mirrored_ - 1)].row == first_mirrored_ - 1) {
+      --mirrored_;
+      --first_mirrored_;
+    }
+    tiles_.clear();
+    for (const Subtree& subtree : subtrees_) {
+      const Index row = first_row[at(subtree.begin)], row_end = first_row[at(subtree.end)];
+      const Index mirrored = std::clamp(mirrored_, row, row_end);
+      add_tiles(subtree.limb, columns, row, mirrored, stride);
+      add_tiles(subtree.limb, columns, mirrored, row_end, stride);
+      add_tiles(subtree.limb, columns, first_other[at(subtree.begin)], first_other[at(subtree.end)], stride);
     }
   }
 
-  /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these the columns; zero where
-  /// they end. Returns true if B̂ is known to be finite.
+  /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand in;
+  /// zero where they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
   bool operator()(const MatrixX<Scalar>& rows, const std::vector<BetaColumn>& columns, Matrix& Bhat)
   {
-    check_ = Scalar(0);
+    Scalar check(0);
     if (roots_ != 1) { Bhat.setZero(); }
-    for (Index k = 0; k < limbs_.size(); ++k) {
-      const Index end = subtrees_[at(k)].columns_end;
-      Index j = subtrees_[at(k)].columns;
-      for (; j + 4 <= end; j += 4) { multiply_tile<4>(limbs_[k], rows, columns.data() + j, Bhat); }
-      if constexpr (is_register<Scalar>) {
-        for (; j + 2 <= end; j += 2) { multiply_tile<2>(limbs_[k], rows, columns.data() + j, Bhat); }
+    const LimbFactors<Scalar> factors{rows.data(), rows.rows(), path_end_.data(), Bhat.data()};
+    for (const LimbTile& tile : tiles_) {
+      switch (tile.count) {
+        case 4: multiply<4>(tile, factors, check); break;
+        case 2: multiply<2>(tile, factors, check); break;
+        default: multiply<1>(tile, factors, check);
       }
-      for (; j < end; ++j) { multiply_tile<1>(limbs_[k], rows, columns.data() + j, Bhat); }
     }
-    return is_register<Scalar> && detail::is_finite(check_);
+    for (Index j = mirrored_; j < mirrored_end_; ++j) {
+      const Index row = first_mirrored_ + j - mirrored_;
+      const Scalar* const column = Bhat.data() + columns[at(j)].begin + row - j;
+      for (Index i = j + 1; i < mirrored_end_; ++i) { Bhat.data()[columns[at(i)].begin + row] = column[i]; }
+    }
+    return is_register<Scalar> && detail::is_finite(check);
   }
 
 private:
-  /// `count` columns of the product for one limb. Rows of the limb itself are zero beyond their own path position.
-  template <int count, class Matrix>
-  void multiply_tile(const Limb& limb, const MatrixX<Scalar>& rows, const BetaColumn* columns, Matrix& Bhat)
+  /// Columns j … j_end of the product for one limb. Rows of the limb itself are zero beyond their own path position.
+  void add_tiles(const Limb& limb, const std::vector<BetaColumn>& columns, Index j, Index j_end, Index stride)
   {
-    LimbTile<Scalar, count> tile{limb, 0, rows.data(), rows.rows(), {}, path_end_.data(), {}};
-    for (int j = 0; j < count; ++j) {
-      tile.depth = std::max(tile.depth, columns[j].depth);
-      tile.beta[at(j)] = rows.data() + columns[j].row * rows.rows();
-      tile.column[at(j)] = Bhat.data() + columns[j].begin;
+    while (j < j_end) {
+      const Index left = j_end - j;
+      const int count = left >= 4 ? 4 : left >= 2 ? 2 : 1;
+      LimbTile tile{limb.v, limb.v_end, limb.v_end, limb.v_end, limb.begin, 0, limb.parent < 0, count, {}, {}};
+      if (j >= mirrored_ && j < mirrored_end_) {
+        tile.gap = std::max(limb.v, first_mirrored_);
+        tile.gap_end = first_mirrored_ + j - mirrored_;
+      }
+      for (int k = 0; k < tile.count; ++k, ++j) {
+        const BetaColumn& column = columns[at(j)];
+        tile.end = std::max(tile.end, column.depth);
+        tile.beta[at(k)] = column.row * stride;
+        tile.column[at(k)] = column.begin;
+      }
+      tile.end = std::min(tile.end, limb.end);
+      tiles_.push_back(tile);
     }
-    tile.depth = std::min(tile.depth, limb.end);
-    multiply(tile, check_);
   }
 
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  struct Subtree {
-    Index begin, end;            ///< subsystems
-    Index columns, columns_end;  ///< on them
+  struct Subtree {  ///< of a limb
+    Limb limb;
+    Index begin, end;  ///< subsystems
   };
 
-  Limbs limbs_;
+  bool mirrors_;  // whether of symmetric columns half is computed
+  Index mirrored_ = 0, mirrored_end_ = 0;  // those: rows of L, of all velocities from first_mirrored_ on
+  Index first_mirrored_ = 0;
   std::vector<Index> path_end_;  // of a row: path positions up to and including its subsystem
-  std::vector<Subtree> subtrees_;  // of a limb
+  std::vector<Subtree> subtrees_;
+  std::vector<LimbTile> tiles_;
   Index roots_ = 0;
-  Scalar check_;  // the sum of all that was written to B̂, if Scalar is a register
 };
 
 }  // namespace iim::detail

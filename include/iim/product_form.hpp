@@ -46,7 +46,7 @@ class ProductSteps : ProductPlan<Scalar> {
 
 protected:
   [[gnu::cold]] ProductSteps(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
-      : Plan(tree, inputs, Product::least_rows), product_(tree, inputs.max_columns()), unit_rows_(tree)
+      : Plan(tree, inputs, Product::least_rows), product_(tree, inputs), unit_rows_(tree)
   {
     H_.setZero(this->H_size_);
     this->plan(product_);
@@ -77,11 +77,7 @@ protected:
     if (inputs_.number_columns()) { this->plan(product_); }
     outward_loop();
     const bool finite = product_(rows_, columns_, Bhat);
-    if constexpr (lanes > 1) {
-      return scale_columns(ws, Bhat) && finite;
-    } else {
-      return finite;
-    }
+    return scale_columns(ws, Bhat) && finite;
   }
 
   /// Columns that were rows of L, times their B̄. Returns true if they are known to be finite then.
@@ -112,7 +108,7 @@ protected:
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
     Scalar* const beta = row(first_beta_ + projection.column);
-    if constexpr (lanes == 1 || S::n_i > 1) {
+    if constexpr (S::n_i > 1) {
       if (input.kind == InputKind::motor) {
         project_motor<S>(ws, input, beta, depth);
         return;

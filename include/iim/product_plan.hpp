@@ -90,13 +90,13 @@ protected:
       }
     }
     rows_.rightCols(rows_.cols() - first_beta_).setZero();
-    product.plan(columns_, first_row_, first_other_);
+    product.plan(columns_, first_row_, first_other_, depth_);
   }
 
-  /// With lanes > 1 a motor on a single velocity: its column of β is a row of L as it is.
+  /// A motor on a single velocity: its column of β is a row of L as it is.
   bool is_row(const Input<Scalar>& input) const
   {
-    return lanes > 1 && input.kind == InputKind::motor && tree_->velocities(input.subsystem) == 1;
+    return input.kind == InputKind::motor && tree_->velocities(input.subsystem) == 1;
   }
 
   /// Whether columns that are rows of L make no more bundles if they come first, where some are bundles of rows as they are: what
