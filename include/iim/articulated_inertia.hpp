@@ -5,9 +5,9 @@
 #pragma once
 
 #include <iim/body.hpp>
+#include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/workspace.hpp>
 
 namespace iim::detail {
 

@@ -4,9 +4,9 @@
 #include <iim/articulated_inertia.hpp>
 #include <iim/body.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/spatial.hpp>
-#include <iim/workspace.hpp>
 
 namespace iim::detail {
 

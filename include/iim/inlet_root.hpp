@@ -3,12 +3,12 @@
 #pragma once
 
 #include <iim/kinematics.hpp>
+#include <iim/node_state.hpp>
 #include <iim/registers.hpp>
 #include <iim/root_rows.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/workspace.hpp>
 
 #include <algorithm>
 #include <array>

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <iim/errors.hpp>
+#include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>
-#include <iim/workspace.hpp>
 
 #include <cassert>
 #include <cstddef>

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <iim/kinematics.hpp>
+#include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/workspace.hpp>
 
 #include <cstddef>
 

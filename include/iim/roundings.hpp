@@ -13,9 +13,9 @@
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
+#include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/workspace.hpp>
 
 #include <algorithm>
 #include <cmath>
