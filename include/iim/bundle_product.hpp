@@ -48,8 +48,7 @@ public:
   }
 
   /// For columns that are others than before; as of the plan.
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other,
-            Index /*stride*/)
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
   {
     plan_.plan(columns, first_row, first_other);
   }

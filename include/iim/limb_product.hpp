@@ -26,7 +26,7 @@ struct LimbTile {
   Index begin, end;       ///< path positions: the limb's, as far as one of the columns reaches
   bool first;             ///< of all that reach these rows: B̂ is assigned
   int count;              ///< of columns
-  std::array<Index, 4> beta, column;  ///< where each begins, among the rows and in B̂
+  std::array<Index, 4> row, column;  ///< which of the rows each of β is; where each of B̂ begins
 };
 
 /// What the product works on. Entry (v, a) of L, a: path position, at rows[v·stride + a].
@@ -43,14 +43,14 @@ struct LimbFactors {
 template <int depth, bool assign, int count, class Scalar>
 [[gnu::noinline]] void multiply_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a, Scalar& check)
 {
+  const Index stride = factors.stride;
   std::array<Scalar, depth * count> beta;
   std::array<Scalar*, count> column;
   unrolled<count>([&](auto j) __attribute__((always_inline)) {
     column[j] = factors.Bhat + tile.column[j];
-    const Scalar* const numbers = factors.rows + tile.beta[j] + a;
+    const Scalar* const numbers = factors.rows + tile.row[j] * stride + a;
     unrolled<depth>([&](auto k) __attribute__((always_inline)) { beta[j * depth + k] = numbers[k]; });
   });
-  const Index stride = factors.stride;
   Scalar all = check;
   Index v = tile.v, end = tile.gap;
   for (int part = 0; part < 2; ++part, v = tile.gap_end, end = tile.v_end) {
@@ -134,15 +134,14 @@ public:
         const Input<Scalar>& input = inputs.block(id);
         if (input.subsystem >= subtree.begin && input.subsystem < subtree.end) { columns += input.size; }
       }
-      most_tiles += columns / 4 + 3 * 3;  // of three ranges of columns each, what fours leave
+      most_tiles += columns / 4 + 3 * 2;  // what fours leave of each of three ranges of columns: two and one
     }
     tiles_.reserve(at(most_tiles));
   }
 
   /// For columns that are others than before, each kind sorted along the tree: those that are rows of L, and others. Of a
-  /// subsystem i the first are first_row[i] and first_other[i]. rows: from column to column of L and β.
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other,
-            Index stride)
+  /// subsystem i the first are first_row[i] and first_other[i].
+  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
   {
     mirrored_ = mirrored_end_ = first_row.back();
     first_mirrored_ = static_cast<Index>(path_end_.size());
@@ -154,9 +153,9 @@ public:
     for (const Subtree& subtree : subtrees_) {
       const Index row = first_row[at(subtree.begin)], row_end = first_row[at(subtree.end)];
       const Index mirrored = std::clamp(mirrored_, row, row_end);
-      add_tiles(subtree.limb, columns, row, mirrored, stride);
-      add_tiles(subtree.limb, columns, mirrored, row_end, stride);
-      add_tiles(subtree.limb, columns, first_other[at(subtree.begin)], first_other[at(subtree.end)], stride);
+      add_tiles(subtree.limb, columns, row, mirrored);
+      add_tiles(subtree.limb, columns, mirrored, row_end);
+      add_tiles(subtree.limb, columns, first_other[at(subtree.begin)], first_other[at(subtree.end)]);
     }
   }
 
@@ -177,15 +176,15 @@ public:
     }
     for (Index j = mirrored_; j < mirrored_end_; ++j) {
       const Index row = first_mirrored_ + j - mirrored_;
-      const Scalar* const column = Bhat.data() + columns[at(j)].begin + row - j;
-      for (Index i = j + 1; i < mirrored_end_; ++i) { Bhat.data()[columns[at(i)].begin + row] = column[i]; }
+      const Scalar* const column = Bhat.data() + columns[at(j)].begin;
+      for (Index i = j + 1; i < mirrored_end_; ++i) { Bhat.data()[columns[at(i)].begin + row] = column[row + i - j]; }
     }
     return is_register<Scalar> && detail::is_finite(check);
   }
 
 private:
   /// Columns j … j_end of the product for one limb. Rows of the limb itself are zero beyond their own path position.
-  void add_tiles(const Limb& limb, const std::vector<BetaColumn>& columns, Index j, Index j_end, Index stride)
+  void add_tiles(const Limb& limb, const std::vector<BetaColumn>& columns, Index j, Index j_end)
   {
     while (j < j_end) {
       const Index left = j_end - j;
@@ -198,7 +197,7 @@ private:
       for (int k = 0; k < tile.count; ++k, ++j) {
         const BetaColumn& column = columns[at(j)];
         tile.end = std::max(tile.end, column.depth);
-        tile.beta[at(k)] = column.row * stride;
+        tile.row[at(k)] = column.row;
         tile.column[at(k)] = column.begin;
       }
       tile.end = std::min(tile.end, limb.end);

@@ -90,7 +90,7 @@ protected:
       }
     }
     rows_.rightCols(rows_.cols() - first_beta_).setZero();
-    product.plan(columns_, first_row_, first_other_, depth_);
+    product.plan(columns_, first_row_, first_other_);
   }
 
   /// A motor on a single velocity: its column of β is a row of L as it is.
