@@ -1,6 +1,7 @@
 // Putting a tree together: parts by name, in any order; then checked and sorted once.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
@@ -125,9 +126,9 @@ public:
     std::map<std::string, int> index;
     for (int k = 0; k < size(); ++k) { index[parts_[at(k)].name] = k; }
 
-    std::vector<std::vector<int>> children(parts_.size());
-    std::vector<int> roots;
-    std::vector<Attachment<Scalar>> on;
+    detail::Array<detail::Array<int>> children(parts_.size());
+    detail::Array<int> roots;
+    detail::Array<Attachment<Scalar>> on;
     for (int k = 0; k < size(); ++k) {
       on.push_back(on_part(parts_[at(k)].name, parts_[at(k)].on));
       if (on.back().parent == "world") {
@@ -138,9 +139,9 @@ public:
     }
 
     std::vector<NamedPart> order;
-    std::vector<std::pair<int, int>> stack;  // part, sorted index of its parent; last in, first out
+    detail::Array<std::pair<int, int>> stack;  // part, sorted index of its parent; last in, first out
     for (auto root = roots.rbegin(); root != roots.rend(); ++root) { stack.emplace_back(*root, -1); }
-    std::vector<char> reached(parts_.size(), 0);
+    detail::Array<char> reached(parts_.size(), 0);
     while (!stack.empty()) {
       const auto [k, parent] = stack.back();
       stack.pop_back();

@@ -6,6 +6,7 @@
 // instead of 96.)
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/registers.hpp>
 #include <iim/spatial.hpp>
@@ -16,7 +17,6 @@
 #include <array>
 #include <cstddef>
 #include <type_traits>
-#include <vector>
 
 namespace iim::detail {
 
@@ -124,7 +124,7 @@ public:
     if constexpr (rotor_count<S>() > 0) {
       for (const auto& rotor : s.rotors()) {
         rotors_.push_back({rotor.frame, rotor.axis, rotor.inertia, rotor.coupled, ratios_.size()});
-        ratios_.insert(ratios_.end(), rotor.ratio.data(), rotor.ratio.data() + S::n_i);
+        ratios_.append(rotor.ratio.data(), rotor.ratio.data() + S::n_i);
       }
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
@@ -179,8 +179,8 @@ private:
   /// Accelerations of frames, and of one subsystem's velocities.
   template <class Lane>
   struct Room {
-    std::vector<Motions<Lane>> frames;
-    std::vector<Lane> qdd;
+    Array<Motions<Lane>> frames;
+    Array<Lane> qdd;
 
     void allocate(Index count, std::size_t velocities)
     {
@@ -244,10 +244,10 @@ private:
   }
 
   Found found_;
-  std::vector<Part> parts_;
-  std::vector<RotorPart> rotors_;
-  std::vector<Scalar> ratios_;
-  std::vector<SpringPart> springs_;
+  Array<Part> parts_;
+  Array<RotorPart> rotors_;
+  Array<Scalar> ratios_;
+  Array<SpringPart> springs_;
   std::size_t most_velocities_ = 0;
   Room<Scalar> one_;
   Room<SixLanes<Scalar>> six_;

@@ -10,6 +10,7 @@
 // are dense. A tree that is one limb makes it a dense Cholesky factorisation.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/spatial.hpp>
 
@@ -17,7 +18,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -206,7 +206,7 @@ private:
   Index stride_;
   Scalar* L_ = nullptr;
   VectorX<Scalar> inverse_;  // 1 / l_vv
-  std::vector<Index> end_;   // of a limb: path position behind its last non-zero right-hand side
+  Array<Index> end_;   // of a limb: path position behind its last non-zero right-hand side
 };
 
 }  // namespace iim::detail

@@ -6,6 +6,7 @@
 // (L, Γ⁻¹, the lower half of M) is kept in path positions: no zero of the branching is stored or multiplied.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/inputs.hpp>
 #include <iim/row.hpp>
 #include <iim/spatial.hpp>
@@ -14,7 +15,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <type_traits>
-#include <vector>
 
 namespace iim::detail {
 
@@ -85,7 +85,7 @@ public:
   template <class Scalar>
   [[gnu::cold]] explicit Limbs(const TreeData<Scalar>& tree) : depth_(tree.max_path_v())
   {
-    std::vector<Index> children(static_cast<std::size_t>(tree.size()), 0);
+    Array<Index> children(static_cast<std::size_t>(tree.size()), 0);
     for (const Node& node : tree.nodes()) {
       if (node.parent >= 0) { ++children[static_cast<std::size_t>(node.parent)]; }
     }
@@ -137,9 +137,9 @@ private:
   Limbs() = default;
 
   Index depth_ = 0;
-  std::vector<Limb> limbs_;
-  std::vector<Index> limb_of_;           // of a subsystem
-  std::vector<Index> limb_of_velocity_;
+  Array<Limb> limbs_;
+  Array<Index> limb_of_;           // of a subsystem
+  Array<Index> limb_of_velocity_;
 };
 
 /// Whether two velocities have more than three path positions in common, in the mean over all pairs: from there on half of a
@@ -172,11 +172,11 @@ public:
   template <class Scalar>
   [[gnu::cold]] explicit FrameBuffers(const TreeData<Scalar>& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
-    std::vector<Index> last_use(of_frame_.size(), -1);
+    Array<Index> last_use(of_frame_.size(), -1);
     for (const Node& node : tree.nodes()) {
       if (node.inlet >= 0) { last_use[static_cast<std::size_t>(node.inlet)] = node.index; }
     }
-    std::vector<int> free;
+    Array<int> free;
     for (const Node& node : tree.nodes()) {
       const Index end = node.index + 1 < tree.size() ? tree.node(node.index + 1).frame : tree.n_frames();
       if (node.inlet >= 0 && last_use[static_cast<std::size_t>(node.inlet)] == node.index) {
@@ -197,7 +197,7 @@ public:
   int operator[](Index frame) const { return of_frame_[static_cast<std::size_t>(frame)]; }
 
 private:
-  std::vector<int> of_frame_;
+  Array<int> of_frame_;
   int count_ = 0;
 };
 
@@ -266,9 +266,9 @@ private:
 
   const InputBlocks<Scalar>* inputs_;
   Index changes_ = -1;              // of the inputs, when they were numbered
-  std::vector<Index> order_;
-  std::vector<std::size_t> begin_;  // of a subsystem: place in order_ of its first block
-  std::vector<Index> bhat_column_;  // of a block: first column of B̂; −1: not active
+  Array<Index> order_;
+  Array<std::size_t> begin_;  // of a subsystem: place in order_ of its first block
+  Array<Index> bhat_column_;  // of a block: first column of B̂; −1: not active
 };
 
 }  // namespace iim::detail

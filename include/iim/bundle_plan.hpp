@@ -10,13 +10,13 @@
 //     from w to the earlier end    side by side in both
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
-#include <vector>
 
 namespace iim::detail {
 
@@ -57,19 +57,19 @@ public:
     std::int32_t count;   ///< of numbers: `lanes` per velocity
   };
 
-  std::vector<RowBundle> row_bundles;
+  Array<RowBundle> row_bundles;
   Index mirrored = 0;  ///< how many of these, from the first on, are columns, too
-  std::vector<ColumnBundle> column_bundles;
-  std::vector<Part> parts;              ///< of the bundles of rows, and of columns after these
-  std::vector<std::int32_t> first_run;  ///< of a square of B̂, a bundle of columns after the other
-  std::vector<Run> runs;
+  Array<ColumnBundle> column_bundles;
+  Array<Part> parts;              ///< of the bundles of rows, and of columns after these
+  Array<std::int32_t> first_run;  ///< of a square of B̂, a bundle of columns after the other
+  Array<Run> runs;
 
   template <class Scalar>
   [[gnu::cold]] BundlePlan(const TreeData<Scalar>& tree, Index max_columns)
   {
     const Limbs limbs(tree);
-    std::vector<Index> limb_paths;
-    std::vector<Index> limbs_above;  // and itself
+    Array<Index> limb_paths;
+    Array<Index> limbs_above;  // and itself
     for (Index k = 0; k < limbs.size(); ++k) {
       limbs_above.push_back(limbs[k].parent < 0 ? 1 : limbs_above[at(limbs[k].parent)] + 1);
       limb_paths.push_back(static_cast<Index>(paths_.size()));
@@ -81,9 +81,9 @@ public:
     for (const Node& node : tree.nodes()) {
       const Index end = node.v + tree.velocities(node.index);
       subsystems_.push_back({node.v, end, node.path_v, node.subtree_end, limb_paths[at(limbs.limb_of(node.index))]});
-      subsystem_of_.insert(subsystem_of_.end(), static_cast<std::size_t>(end - node.v), node.index);
+      subsystem_of_.resize(at(end), node.index);
     }
-    std::vector<Index> begin_of;
+    Array<Index> begin_of;
     for (const Subsystem& s : subsystems_) { begin_of.push_back(s.v); }
     begin_of.push_back(tree.n_v());
     const Index n = tree.n_v();
@@ -121,7 +121,7 @@ public:
 
   /// For columns that are others than before: rows of L and, after these, others, each sorted along the tree. Those on subsystems
   /// before i end at first_row[i], first_other[i].
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
+  void plan(const Array<BetaColumn>& columns, const Array<Index>& first_row, const Array<Index>& first_other)
   {
     parts.resize(row_parts_);
     column_bundles.clear();
@@ -145,7 +145,7 @@ private:
     Index path;         ///< place in paths_ of the velocities on its path
   };
 
-  [[gnu::noinline]] void add_columns(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_column)
+  [[gnu::noinline]] void add_columns(const Array<BetaColumn>& columns, const Array<Index>& first_column)
   {
     const Index begin = first_column.front(), end = first_column.back();
     for (Index j = begin; j < end; j += lanes) {
@@ -183,7 +183,7 @@ private:
 
   /// Registers by path position to one per velocity, the last first, since none stands before its path position. `first`:
   /// of what is in the lanes, numbered along the tree so that a subsystem's begin at begin_of.
-  void add_parts(Bundle& bundle, Index first, const std::vector<Index>& begin_of)
+  void add_parts(Bundle& bundle, Index first, const Array<Index>& begin_of)
   {
     bundle.parts = bundle.parts_end = static_cast<Index>(parts.size());
     if (is_path(bundle)) { return; }
@@ -244,9 +244,9 @@ private:
     add(rows.place(v), columns.place(v), std::min(rows.end, columns.end) - v);
   }
 
-  std::vector<Subsystem> subsystems_;
-  std::vector<Index> subsystem_of_;  // of a velocity
-  std::vector<Index> paths_;         // of every limb, one after the other
+  Array<Subsystem> subsystems_;
+  Array<Index> subsystem_of_;  // of a velocity
+  Array<Index> paths_;         // of every limb, one after the other
   std::size_t row_parts_ = 0;
   Index registers_ = 0;
 };

@@ -5,6 +5,7 @@
 // less for a binary tree of 63 links, 25 % less for a chain of 50 and 75 % less for one of 200, all joints driven.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/bundle_plan.hpp>
 #include <iim/inputs.hpp>
@@ -19,7 +20,6 @@
 #include <cstring>
 #include <numeric>
 #include <type_traits>
-#include <vector>
 
 namespace iim::detail {
 
@@ -48,7 +48,7 @@ public:
   }
 
   /// For columns that are others than before; as of the plan.
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
+  void plan(const Array<BetaColumn>& columns, const Array<Index>& first_row, const Array<Index>& first_other)
   {
     plan_.plan(columns, first_row, first_other);
   }
@@ -56,7 +56,7 @@ public:
   /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand
   /// in; zero where they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
-  bool operator()(const MatrixX<Scalar>& rows, const std::vector<BetaColumn>& columns, Matrix& Bhat)
+  bool operator()(const MatrixX<Scalar>& rows, const Array<BetaColumn>& columns, Matrix& Bhat)
   {
     const Index stride = rows.rows();
     for (const RowBundle& bundle : plan_.row_bundles) {

@@ -6,6 +6,7 @@
 //     A_G(:, i) = X(o_i − c)⁻ᵀ (Σ_k I_k S_k + Σ J (0; a) ratio)          o_i coupling point, c centre of mass
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/spatial.hpp>
@@ -15,7 +16,6 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace iim {
 
@@ -250,7 +250,7 @@ private:
 
   const Tree* tree_;
   Scalar mass_{0};
-  std::vector<At> frames_;
+  Array<At> frames_;
   Eigen::Matrix<Scalar, 6, Eigen::Dynamic> A_G_;
   Vector3<Scalar> reference_, first_moment_, com_;
   Vector6<Scalar> rate_;

@@ -11,6 +11,7 @@
 //     outward   M_ia = F_iᵀ X(r) J_inlet(:, a)                    J: Jacobian in the ancestors' velocities     (11)
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/articulated_inertia.hpp>
 #include <iim/input_matrix.hpp>
 #include <iim/internal_inertia.hpp>
@@ -20,7 +21,6 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -279,9 +279,9 @@ private:
 
   const Tree* tree_;
   InputMatrix<Tree> B_;
-  std::vector<Carried> frames_;
-  std::vector<Vector6<Scalar>> y_;  // guidance acceleration for q̈ = 0
-  std::vector<Vector6<Scalar>> F_;  // wrench at the own coupling point per q̈ of one velocity
+  Array<Carried> frames_;
+  Array<Vector6<Scalar>> y_;  // guidance acceleration for q̈ = 0
+  Array<Vector6<Scalar>> F_;  // wrench at the own coupling point per q̈ of one velocity
   MatrixX<Scalar> M_;
   VectorX<Scalar> h_;
 };

@@ -1,13 +1,13 @@
 // Which bodies are far heavier than what carries them: unit_rows.hpp.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree_data.hpp>
 
 #include <cstddef>
 #include <utility>
-#include <vector>
 
 namespace iim::detail {
 
@@ -20,7 +20,7 @@ public:
   [[gnu::cold]] explicit HeavyFrames(const TreeData<Scalar>& tree)
   {
     const auto of = [](const FrameMass<Scalar>& body) { return Size{body.mass, sum_of_moments(body.inertia)}; };
-    std::vector<Size> body;  // on a frame, with what inlets carry there
+    Array<Size> body;  // on a frame, with what inlets carry there
     for (Index f = 0; f < tree.n_frames(); ++f) { body.push_back(of(tree.frame_mass(f))); }
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
@@ -28,8 +28,8 @@ public:
       body[at(node.inlet)].mass += inlet.mass;
       body[at(node.inlet)].moment += inlet.moment;
     }
-    std::vector<Size> lightest(at(tree.size()));  // of those inward of a subsystem
-    std::vector<char> frame(body.size(), 0), subsystem(lightest.size(), 0);
+    Array<Size> lightest(at(tree.size()));  // of those inward of a subsystem
+    Array<char> frame(body.size(), 0), subsystem(lightest.size(), 0);
     bool any = false;
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
@@ -69,7 +69,7 @@ private:
     return is_positive(a) && (!is_positive(b) || is_positive(b - a)) ? a : b;
   }
 
-  std::vector<char> frame_, subsystem_;  // empty if there are none
+  Array<char> frame_, subsystem_;  // empty if there are none
 };
 
 }  // namespace iim::detail

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
+#include <iim/array.hpp>
 #include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
 #include <iim/product_form.hpp>
@@ -18,7 +19,6 @@
 #include <concepts>
 #include <limits>
 #include <optional>
-#include <vector>
 
 namespace iim {
 
@@ -55,8 +55,8 @@ template <class Scalar>
   double factors = 0;                   // L and H
   double everywhere = 0;                // outward loop of the sweep
   double inward = 0;                    // its inward loop, along the paths of the inputs' columns
-  std::vector<double> path(static_cast<std::size_t>(tree.size()), 0);
-  std::vector<double> rows(static_cast<std::size_t>(tree.size()), 0);  // products of one column of B̂ with L
+  Array<double> path(static_cast<std::size_t>(tree.size()), 0);
+  Array<double> rows(static_cast<std::size_t>(tree.size()), 0);  // products of one column of B̂ with L
   for (const Node& node : tree.nodes()) {
     const auto i = static_cast<std::size_t>(node.index);
     const auto moving = static_cast<double>(tree.velocities(node.index));

@@ -7,6 +7,7 @@
 //     outward   y = X(r) J_inlet,   J_k(:, a) = y(:, a) on ancestors,   J_k(:, i) = S_k
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
 #include <iim/registers.hpp>
@@ -16,7 +17,6 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -70,7 +70,7 @@ private:
 
   Index depth_;
   FrameBuffers of_frame_;
-  std::vector<Buffer> buffers_;
+  Array<Buffer> buffers_;
 };
 
 /// Columns of B for the active inputs, sorted along the tree. Refers to tree and inputs.
@@ -183,9 +183,9 @@ private:
   PathJacobian<Tree> jacobian_;
   SortedInputs<Scalar> sorted_;
   MatrixX<Scalar> entries_;  // path positions × columns
-  std::vector<Column> columns_;
+  Array<Column> columns_;
   Index count_ = 0;
-  std::vector<char> needed_;
+  Array<char> needed_;
 };
 
 }  // namespace iim::detail

@@ -1,6 +1,7 @@
 // Which columns B̂ has: motor torques, forces and wrenches at points; in the user's order, switched at run time.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/errors.hpp>
 #include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
@@ -9,7 +10,6 @@
 #include <cassert>
 #include <cstddef>
 #include <string>
-#include <vector>
 
 namespace iim {
 
@@ -197,7 +197,7 @@ private:
   }
 
   const TreeData<Scalar>* tree_;
-  std::vector<Input<Scalar>> blocks_;
+  Array<Input<Scalar>> blocks_;
   Index columns_ = 0;
   Index max_columns_ = 0;
   ChangeCount changes_;

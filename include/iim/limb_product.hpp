@@ -2,6 +2,7 @@
 // limb take the inputs on its subtree to the rows of it.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
 #include <iim/registers.hpp>
@@ -11,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -122,7 +122,7 @@ public:
     const Limbs limbs(tree);
     for (const Node& node : tree.nodes()) {
       const Index own = tree.velocities(node.index);
-      path_end_.insert(path_end_.end(), at(own), node.path_v + own);
+      path_end_.resize(at(node.v + own), node.path_v + own);
       const Index limb = limbs.limb_of(node.index);
       if (limb == static_cast<Index>(subtrees_.size())) { subtrees_.push_back({limbs[limb], node.index, node.subtree_end}); }
       roots_ += node.parent < 0;
@@ -141,7 +141,7 @@ public:
 
   /// For columns that are others than before, each kind sorted along the tree: those that are rows of L, and others. Of a
   /// subsystem i the first are first_row[i] and first_other[i].
-  void plan(const std::vector<BetaColumn>& columns, const std::vector<Index>& first_row, const std::vector<Index>& first_other)
+  void plan(const Array<BetaColumn>& columns, const Array<Index>& first_row, const Array<Index>& first_other)
   {
     mirrored_ = mirrored_end_ = first_row.back();
     first_mirrored_ = static_cast<Index>(path_end_.size());
@@ -162,7 +162,7 @@ public:
   /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand in;
   /// zero where they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
-  bool operator()(const MatrixX<Scalar>& rows, const std::vector<BetaColumn>& columns, Matrix& Bhat)
+  bool operator()(const MatrixX<Scalar>& rows, const Array<BetaColumn>& columns, Matrix& Bhat)
   {
     Scalar check(0);
     if (roots_ != 1) { Bhat.setZero(); }
@@ -184,7 +184,7 @@ public:
 
 private:
   /// Columns j … j_end of the product for one limb. Rows of the limb itself are zero beyond their own path position.
-  void add_tiles(const Limb& limb, const std::vector<BetaColumn>& columns, Index j, Index j_end)
+  void add_tiles(const Limb& limb, const Array<BetaColumn>& columns, Index j, Index j_end)
   {
     while (j < j_end) {
       const Index left = j_end - j;
@@ -215,9 +215,9 @@ private:
   bool mirrors_;  // whether of symmetric columns half is computed
   Index mirrored_ = 0, mirrored_end_ = 0;  // those: rows of L, of all velocities from first_mirrored_ on
   Index first_mirrored_ = 0;
-  std::vector<Index> path_end_;  // of a row: path positions up to and including its subsystem
-  std::vector<Subtree> subtrees_;
-  std::vector<LimbTile> tiles_;
+  Array<Index> path_end_;  // of a row: path positions up to and including its subsystem
+  Array<Subtree> subtrees_;
+  Array<LimbTile> tiles_;
   Index roots_ = 0;
 };
 

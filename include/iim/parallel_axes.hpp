@@ -15,6 +15,7 @@
 // for 8, 28 ε; in the world's for 17, 948 ε.)
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
@@ -24,7 +25,6 @@
 #include <cstddef>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 namespace iim::detail {
 
@@ -155,7 +155,7 @@ public:
   template <class Tree>
   [[gnu::cold]] explicit ParallelAxes(const Tree& tree) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
-    std::vector<Vector3<Scalar>> axis(group_.size());
+    Array<Vector3<Scalar>> axis(group_.size());
     Limbs limbs(static_cast<std::size_t>(tree.size()));
     tree.outward([&]<class N, class S>(const N& node, const S& s) {
       Limb& limb = limbs[static_cast<std::size_t>(node.index)];
@@ -240,7 +240,7 @@ private:
     Scalar velocities = Scalar(0), thinness = Scalar(0);  ///< of the joints, those of the base included
     bool thin = false;  ///< of the first: whether some joint of the limb loses digits
   };
-  using Limbs = std::vector<Limb>;
+  using Limbs = Array<Limb>;
 
   /// To some digits: a joint that is not quite parallel may keep its inertia in any axes.
   static bool nearly_zero(const Vector3<Scalar>& a)
@@ -288,8 +288,8 @@ private:
   /// Groups of many joints, and all on thin limbs.
   [[gnu::cold]] void keep_needed(const Limbs& limbs)
   {
-    std::vector<Index> number;
-    std::vector<Group> kept;
+    Array<Index> number;
+    Array<Group> kept;
     for (const Group& group : groups_) {
       const bool needed = group.joints >= fewest_joints || limbs[static_cast<std::size_t>(group.limb)].thin;
       number.push_back(needed ? static_cast<Index>(kept.size()) : Index(-1));
@@ -301,8 +301,8 @@ private:
     groups_ = std::move(kept);
   }
 
-  std::vector<Index> group_;  // of a frame; −1: none
-  std::vector<Group> groups_;
+  Array<Index> group_;  // of a frame; −1: none
+  Array<Group> groups_;
   bool turned_ = false;
 };
 

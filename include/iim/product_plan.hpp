@@ -3,13 +3,13 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -109,7 +109,7 @@ protected:
   }
 
   /// Columns that are rows of L, or others, or both, sorted along the tree. first_column: of a subsystem, where those on it begin.
-  [[gnu::noinline]] void list_columns(bool rows, bool others, std::vector<Index>& first_column)
+  [[gnu::noinline]] void list_columns(bool rows, bool others, Array<Index>& first_column)
   {
     const Index stride = column_stride<Scalar>(tree_->n_v());
     for (const Node& node : tree_->nodes()) {
@@ -148,13 +148,13 @@ protected:
   Index first_beta_;      // row
   MatrixX<Scalar> rows_;  // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β
   Index H_size_;
-  std::vector<Index> H_of_frame_;  // where in H each begins
-  std::vector<Step> steps_;
-  std::vector<Index> row_end_;                  // of a row of L: where its last lanes end
-  std::vector<Index> first_row_, first_other_;  // of a subsystem: where columns on it begin, rows of L and others
-  std::vector<BetaColumn> columns_;             // both, each sorted along the tree
-  std::vector<Scaled> scaled_;
-  std::vector<Projection> projections_;
+  Array<Index> H_of_frame_;  // where in H each begins
+  Array<Step> steps_;
+  Array<Index> row_end_;                  // of a row of L: where its last lanes end
+  Array<Index> first_row_, first_other_;  // of a subsystem: where columns on it begin, rows of L and others
+  Array<BetaColumn> columns_;             // both, each sorted along the tree
+  Array<Scaled> scaled_;
+  Array<Projection> projections_;
 };
 
 }  // namespace iim::detail

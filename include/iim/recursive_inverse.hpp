@@ -11,6 +11,7 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/input_matrix.hpp>
 #include <iim/inputs.hpp>
@@ -24,7 +25,6 @@
 #include <array>
 #include <cassert>
 #include <cstddef>
-#include <vector>
 
 namespace iim {
 
@@ -297,8 +297,8 @@ private:
   Index stride_;  // n_v, padded so that lanes may begin at any column
   Six p_;
   detail::FrameBuffers of_frame_;
-  std::vector<Six> Vdot_;
-  std::vector<Index> root_end_;  // of a subsystem: first velocity after its root tree
+  detail::Array<Six> Vdot_;
+  detail::Array<Index> root_end_;  // of a subsystem: first velocity after its root tree
   MatrixX<Scalar> Minv_;         // column i: row i of M⁻¹, which is symmetric
   detail::ResultMemory<Scalar> result_;
 };

@@ -2,12 +2,13 @@
 // z of unit forces on a body much heavier than what carries it (unit_rows.hpp).
 #pragma once
 
+#include <iim/array.hpp>
+
 #include <Eigen/Core>
 
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -127,8 +128,8 @@ private:
     row[step.second] = sum * (Scalar(1) / alpha);
   }
 
-  std::vector<Step> steps_;
-  std::vector<Scalar> numbers_;
+  Array<Step> steps_;
+  Array<Scalar> numbers_;
   std::size_t size_ = 0, n_numbers_ = 0;
 };
 

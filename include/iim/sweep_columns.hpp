@@ -1,6 +1,7 @@
 // Columns of B̂ in the lanes of a sweep (sweep.hpp): the inputs that are in them, and their way to the matrix.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/branches.hpp>
 #include <iim/inputs.hpp>
 #include <iim/registers.hpp>
@@ -16,7 +17,6 @@
 #include <cassert>
 #include <cstddef>
 #include <type_traits>
-#include <vector>
 
 namespace iim::detail {
 
@@ -206,15 +206,15 @@ protected:
   // Of a frame, inward p_k that its children hand on, outward V̇_k; apart from S q̈ in square-root form. Memory that lives
   // from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven, takes 20 % less.
   FrameBuffers buffers_;
-  std::vector<Six> moving_;
-  std::vector<Six> applied_;  // to a frame by inputs; of a free one in square-root form its motion, till the outward loop
-  std::vector<char> loads_;   // of a frame, of type Load
-  std::vector<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
-  std::vector<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
-  std::vector<Reach> reach_;
-  std::vector<Own> own_;
+  Array<Six> moving_;
+  Array<Six> applied_;  // to a frame by inputs; of a free one in square-root form its motion, till the outward loop
+  Array<char> loads_;   // of a frame, of type Load
+  Array<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
+  Array<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
+  Array<Reach> reach_;
+  Array<Own> own_;
   UnitRows<Scalar> unit_rows_;
-  std::vector<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity
+  Array<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity
   bool shared_ = false;       // whether some are not zero
 };
 

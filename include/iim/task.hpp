@@ -12,6 +12,7 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
+#include <iim/array.hpp>
 #include <iim/centroidal.hpp>
 #include <iim/errors.hpp>
 #include <iim/inputs.hpp>
@@ -197,8 +198,8 @@ private:
     JB_.setZero(padded, inputs_->max_columns());
     Jdot_qd_.setZero(max_rows_);
     Vdot0_.setZero(max_rows_);
-    used_.assign(at(padded / lanes), std::vector<Index>());
-    for (std::vector<Index>& used : used_) { used.reserve(at(tree_->n_v())); }
+    used_.assign(at(padded / lanes), detail::Array<Index>());
+    for (detail::Array<Index>& used : used_) { used.reserve(at(tree_->n_v())); }
     marked_.assign(at(tree_->n_v()), 0);
     arrange();
     return blocks() - 1;
@@ -369,15 +370,15 @@ private:
   const Tree* tree_;
   const Inputs<Tree>* inputs_;
   detail::CentroidalPass<Tree, scene> centroidal_;
-  std::vector<Task<Scalar>> tasks_;
-  std::vector<Placement<Scalar>> placements_;
+  detail::Array<Task<Scalar>> tasks_;
+  detail::Array<Placement<Scalar>> placements_;
   Index rows_ = 0;
   Index max_rows_ = 0;
   MatrixX<Scalar> J_;   // padded rows × n_v; zero below the active rows
   MatrixX<Scalar> JB_;  // padded rows × columns
   VectorX<Scalar> Jdot_qd_, Vdot0_;
-  std::vector<std::vector<Index>> used_;  // per `lanes` rows of J: its columns that are not zero, ascending
-  std::vector<char> marked_;              // per column; all zero between calls
+  detail::Array<detail::Array<Index>> used_;  // per `lanes` rows of J: its columns that are not zero, ascending
+  detail::Array<char> marked_;              // per column; all zero between calls
 };
 
 template <class Tree>

@@ -5,6 +5,7 @@
 // constants they made a function of every node, which the instruction cache does not hold (biped, pass: 1.3 times as long).
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/assembly.hpp>
 #include <iim/errors.hpp>
 #include <iim/subsystem.hpp>
@@ -40,20 +41,20 @@ public:
   template <template <class> class Data>
   class Storage {
   public:
-    explicit Storage(const DynamicTree& tree) : data_(std::vector<Data<S>>(tree.template subsystems<S>().size())...) {}
+    explicit Storage(const DynamicTree& tree) : data_(detail::Array<Data<S>>(tree.template subsystems<S>().size())...) {}
     template <class T>
     Data<T>& at(const Node& node)
     {
-      return std::get<std::vector<Data<T>>>(data_)[node.slot];
+      return std::get<detail::Array<Data<T>>>(data_)[node.slot];
     }
     template <class T>
     const Data<T>& at(const Node& node) const
     {
-      return std::get<std::vector<Data<T>>>(data_)[node.slot];
+      return std::get<detail::Array<Data<T>>>(data_)[node.slot];
     }
 
   private:
-    std::tuple<std::vector<Data<S>>...> data_;
+    std::tuple<detail::Array<Data<S>>...> data_;
   };
 
   /// Calls f(node, subsystem) for every subsystem, parents before children.
@@ -82,7 +83,7 @@ public:
   template <class F>
   void outward_abreast(F&& f) const
   {
-    const std::vector<Index>& order = this->deepest_first();
+    const detail::Array<Index>& order = this->deepest_first();
     for (auto i = order.rbegin(); i != order.rend(); ++i) { dispatch(this->node(*i), f); }
   }
 
@@ -95,9 +96,9 @@ public:
 
   /// All subsystems of one type.
   template <class T>
-  const std::vector<T>& subsystems() const
+  const detail::Array<T>& subsystems() const
   {
-    return std::get<std::vector<T>>(subsystems_);
+    return std::get<detail::Array<T>>(subsystems_);
   }
 
 private:
@@ -108,7 +109,7 @@ private:
       node.type = static_cast<int>(parts[k].part.index());
       std::visit(
           [&]<class T>(const T& s) {
-            auto& same = std::get<std::vector<T>>(subsystems_);
+            auto& same = std::get<detail::Array<T>>(subsystems_);
             node.slot = same.size();
             same.push_back(s);
           },
@@ -124,7 +125,7 @@ private:
     }(std::index_sequence_for<S...>{});
   }
 
-  std::tuple<std::vector<S>...> subsystems_;
+  std::tuple<detail::Array<S>...> subsystems_;
 };
 
 /// Position of a subsystem in a StaticTree: its parent's place in the list (−1: the world), its type, the outlet.

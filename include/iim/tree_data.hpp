@@ -1,6 +1,7 @@
 // What every tree keeps, however its topology is known: numbers, names, placements and bodies of its subsystems.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/assembly.hpp>
 #include <iim/body.hpp>
 #include <iim/errors.hpp>
@@ -65,10 +66,10 @@ public:
   std::uint64_t id() const { return id_; }
 
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
-  const std::vector<Node>& nodes() const { return nodes_; }
+  const Array<Node>& nodes() const { return nodes_; }
   const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
   /// Subsystems by depth, the deepest first; those of one depth last to first.
-  const std::vector<Index>& deepest_first() const { return deepest_first_; }
+  const Array<Index>& deepest_first() const { return deepest_first_; }
   /// How many velocities and motors subsystem i has.
   Index velocities(Index i) const { return (i + 1 < size() ? node(i + 1).v : n_v_) - node(i).v; }
   Index motors(Index i) const { return (i + 1 < size() ? node(i + 1).u : n_u_) - node(i).u; }
@@ -133,7 +134,7 @@ protected:
     }
   }
 
-  std::vector<Node> nodes_;
+  Array<Node> nodes_;
 
 private:
   struct Sizes {
@@ -217,7 +218,7 @@ private:
 
   [[gnu::cold]] void sort_by_depth()
   {
-    std::vector<Index> end(depth_.size());  // of the subsystems of each depth in deepest_first_
+    Array<Index> end(depth_.size());  // of the subsystems of each depth in deepest_first_
     for (const Index depth : depth_) { ++end[static_cast<std::size_t>(depth)]; }
     for (std::size_t depth = end.size(); depth-- > 1;) { end[depth - 1] += end[depth]; }
     deepest_first_.resize(depth_.size());
@@ -237,14 +238,14 @@ private:
   Index n_u_ = 0;
   Index n_bbar_ = 0;
   Index max_path_v_ = 0;
-  std::vector<std::string> names_;
-  std::vector<Placement<Scalar>> placements_;
-  std::vector<char> turns_;
-  std::vector<Index> depth_;
-  std::vector<Index> deepest_first_;
-  std::vector<FrameMass<Scalar>> frame_mass_;
-  std::vector<FrameMass<Scalar>> inlet_mass_;
-  std::vector<Index> owner_;
+  Array<std::string> names_;
+  Array<Placement<Scalar>> placements_;
+  Array<char> turns_;
+  Array<Index> depth_;
+  Array<Index> deepest_first_;
+  Array<FrameMass<Scalar>> frame_mass_;
+  Array<FrameMass<Scalar>> inlet_mass_;
+  Array<Index> owner_;
   std::map<std::string, FrameReference<Scalar>> named_frames_;
 };
 

@@ -7,6 +7,7 @@
 // 1 kg: 2 ε, without this 2e4. The pass of an arm of seven takes 6 % longer with such a load, and the wrench 2 µs.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/heavy_frames.hpp>
 #include <iim/root_rows.hpp>
 #include <iim/row_tape.hpp>
@@ -16,7 +17,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <vector>
 
 namespace iim::detail {
 
@@ -82,8 +82,8 @@ private:
   RootRow<Scalar>& at(Index place) { return row_[static_cast<std::size_t>(place)]; }
 
   const TreeData<Scalar>* tree_;
-  std::vector<RootRow<Scalar>> row_, spare_;
-  std::vector<RootRow<Scalar>> z_1_;  // by path position
+  Array<RootRow<Scalar>> row_, spare_;
+  Array<RootRow<Scalar>> z_1_;  // by path position
 };
 
 }  // namespace iim::detail

@@ -1,6 +1,7 @@
 // What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
 #pragma once
 
+#include <iim/array.hpp>
 #include <iim/bodies_beyond.hpp>
 #include <iim/heavy_frames.hpp>
 #include <iim/node_state.hpp>
@@ -15,7 +16,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <vector>
 
 namespace iim {
 
@@ -72,7 +72,7 @@ public:
   const detail::ParallelAxes<Scalar>& axes() const { return axes_; }
 
   /// Free frames that move apart along a child's axis.
-  const std::vector<detail::FreeAxis<Scalar>>& free_axes() const { return free_axes_; }
+  const Array<detail::FreeAxis<Scalar>>& free_axes() const { return free_axes_; }
   /// That of a free frame; nullptr if it has none.
   detail::FreeAxis<Scalar>* free_axis(Index frame)
   {
@@ -143,7 +143,7 @@ protected:
   [[gnu::cold]] void place_rows()
   {
     constexpr std::size_t none = static_cast<std::size_t>(-1);
-    std::vector<std::size_t> vacant;
+    Array<std::size_t> vacant;
     for (RootInertia<Scalar>& N : root_) { N.place = none; }
     const auto occupy = [&](Index f) {
       if (root(f).place != none) { return; }
@@ -192,25 +192,25 @@ protected:
     }
   }
 
-  static bool is_on(const std::vector<RowTape<Scalar>>& tapes, Index k)
+  static bool is_on(const Array<RowTape<Scalar>>& tapes, Index k)
   {
     return !tapes.empty() && tapes[static_cast<std::size_t>(k)].is_on();
   }
 
   const TreeData<Scalar>* tree_;
-  std::vector<FrameState<Scalar>> frames_;
-  std::vector<RootInertia<Scalar>> root_;
-  std::vector<typename RootInertia<Scalar>::Rows> rows_;  // by RootInertia::place
-  std::vector<SharedAxis<Scalar>> shared_axis_;
-  std::vector<BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
-  std::vector<BodyRoot<Scalar>> inlet_body_;
+  Array<FrameState<Scalar>> frames_;
+  Array<RootInertia<Scalar>> root_;
+  Array<typename RootInertia<Scalar>::Rows> rows_;  // by RootInertia::place
+  Array<SharedAxis<Scalar>> shared_axis_;
+  Array<BodyRoot<Scalar>> frame_body_;  // of a frame, and on the inlet of a subsystem
+  Array<BodyRoot<Scalar>> inlet_body_;
   HeavyFrames<Scalar> heavy_;
-  std::vector<RowTape<Scalar>> tapes_;        // of a subsystem; empty if nothing is heavy
-  std::vector<RowTape<Scalar>> frame_tapes_;  // of a frame
+  Array<RowTape<Scalar>> tapes_;        // of a subsystem; empty if nothing is heavy
+  Array<RowTape<Scalar>> frame_tapes_;  // of a frame
   Turns<Scalar> turns_;
   ParallelAxes<Scalar> axes_;
-  std::vector<FreeAxis<Scalar>> free_axes_;
-  std::vector<Index> axis_of_;  // of a subsystem: which of free_axes_, in matrix form
+  Array<FreeAxis<Scalar>> free_axes_;
+  Array<Index> axis_of_;  // of a subsystem: which of free_axes_, in matrix form
   VectorX<Scalar> qdd_;
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
@@ -295,8 +295,8 @@ private:
   /// Of each free frame the child with one column that carries most; in matrix form, one that turns about an axis.
   [[gnu::cold]] void choose_free_axes()
   {
-    std::vector<Scalar> mass(static_cast<std::size_t>(this->tree().size()), Scalar(0));
-    std::vector<Index> child(this->frames_.size(), -1);
+    detail::Array<Scalar> mass(static_cast<std::size_t>(this->tree().size()), Scalar(0));
+    detail::Array<Index> child(this->frames_.size(), -1);
     const auto carried = [&](Index i) -> Scalar& { return mass[static_cast<std::size_t>(i)]; };
     tree().inward([&]<class S>(const Node& node, const S&) {
       for (int k = 0; k < S::n_frames; ++k) {
