@@ -1,5 +1,5 @@
 // The array in which the library keeps what it holds of subsystems, frames and inputs. It does what std::vector does and
-// takes less than half of its time to compile; a controller holds some sixty of different elements (g++ -O3: 3 of 23 s).
+// takes less than half of its time to compile; a controller has some sixty kinds of elements (its g++ -O3: 0.85 of the time).
 #pragma once
 
 #include <cstddef>
