@@ -31,8 +31,6 @@ namespace iim::detail {
 template <class T>
 class Array {
 public:
-  using value_type = T;
-
   Array() = default;
   explicit Array(std::size_t size) : Array() { resize(size); }
   Array(std::size_t size, const T& value) : Array() { resize(size, value); }

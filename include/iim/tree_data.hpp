@@ -66,7 +66,7 @@ public:
   std::uint64_t id() const { return id_; }
 
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
-  const Array<Node>& nodes() const { return nodes_; }
+  const std::vector<Node>& nodes() const { return nodes_; }
   const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
   /// Subsystems by depth, the deepest first; those of one depth last to first.
   const Array<Index>& deepest_first() const { return deepest_first_; }
@@ -134,7 +134,7 @@ protected:
     }
   }
 
-  Array<Node> nodes_;
+  std::vector<Node> nodes_;
 
 private:
   struct Sizes {
