@@ -55,8 +55,9 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
   for (const AccuracyScene& scene : scenes) {
     std::cerr << '[' << results.size() + 1 << '/' << scenes.size() << "] " << scene.group << ": " << scene.name << '\n';
     AccuracyResult result{scene, accuracy_reference(scene), {}};
-    for (auto outcomes : {accuracy_outcomes<float>(scene, result.reference), accuracy_outcomes<double>(scene, result.reference),
-                          accuracy_outcomes<long double>(scene, result.reference)}) {
+    for (auto outcomes :
+         {accuracy_outcomes<float>(scene, result.reference), accuracy_outcomes<double>(scene, result.reference),
+          accuracy_outcomes<long double>(scene, result.reference)}) {
       result.outcomes.insert(result.outcomes.end(), outcomes.begin(), outcomes.end());
     }
     if (scene.timed) { measure_times(result); }
@@ -65,11 +66,15 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
     results.push_back(std::move(result));
   }
   report.paragraph(
-      "Errors are relative, Frobenius norm, the worst of the scene's random states (seed 4711), against 80 digits by the "
-      "library's headers; up to 64 velocities these agree with the paper's global matrices as printed, solved by Gaussian "
+      "Errors are relative, Frobenius norm, the worst of the scene's random states (seed 4711), against 80 digits by "
+      "the "
+      "library's headers; up to 64 velocities these agree with the paper's global matrices as printed, solved by "
+      "Gaussian "
       "elimination, to 50 digits. «Componentwise» is max |ΔB̂_ij| / √(M⁻¹_ii (BᵀM⁻¹B)_jj). «Residual» is "
-      "‖M b̂ − b‖₁ / (‖M‖₁ ‖b̂‖₁ ε) as LAPACK's tests scale it (there 30 passes), the worst column. «One ε in the data» is how far the "
-      "exact result moves if every number of the model, of q and of q̇ moves by at most one ε of the scalar (random): no "
+      "‖M b̂ − b‖₁ / (‖M‖₁ ‖b̂‖₁ ε) as LAPACK's tests scale it (there 30 passes), the worst column. «One ε in the data» "
+      "is how far the "
+      "exact result moves if every number of the model, of q and of q̇ moves by at most one ε of the scalar (random): "
+      "no "
       "algorithm can be expected to stay below it. A status in place of a number is what the variant returned instead "
       "of a result. Body-fixed and common frames are bench/frame_conventions.hpp, B̂ by unit forces; they are written "
       "plainly, so that their errors can be compared with the library's, their times only with each other.");
@@ -77,7 +82,8 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
     if (!result.scene.timed) { continue; }
     report.section(result.scene.name);
     write_time_table(result, report);
-    report.image(draw_error_against_time(result, options.out, drawn) + ".svg", "Error against run time: " + result.scene.name);
+    report.image(draw_error_against_time(result, options.out, drawn) + ".svg",
+                 "Error against run time: " + result.scene.name);
   }
   const std::vector<std::array<std::string, 3>> series{
       {"length", "Error against the length of a chain", "links"},

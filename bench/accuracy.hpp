@@ -33,7 +33,8 @@ struct Yardstick {
   Eigen::VectorXd row;     ///< √(M⁻¹)_ii
   Eigen::VectorXd column;  ///< √(Bᵀ M⁻¹ B)_jj
   double condition = 0;    ///< of M, in the spectral norm
-  double Bhat_sensitivity = 0;  ///< relative change if every number of the model, of q and of q̇ moves by one ε of double
+  /// Relative change if every number of the model, of q and of q̇ moves by one ε of double.
+  double Bhat_sensitivity = 0;
   double qdd0_sensitivity = 0;
 };
 
@@ -43,7 +44,7 @@ struct AccuracyReference {
   std::vector<Yardstick> yardsticks;
   std::string failure{};  ///< why there is no reference: a status
 
-  double worst(double Yardstick::*number) const
+  double worst(double Yardstick::* number) const
   {
     double worst = 0;
     for (const Yardstick& y : yardsticks) { worst = std::max(worst, y.*number); }

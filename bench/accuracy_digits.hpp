@@ -15,8 +15,8 @@ struct ExactState {
   iim::MatrixX<Digits> Bhat, M, B;
 };
 
-/// The largest relative difference (Frobenius) of M, B, B̂, q̈₀ from what the tests' literal reference of the paper gives:
-/// global matrices, body-fixed frames, Gaussian elimination. Shares no line with the library's recursions.
+/// The largest relative difference (Frobenius) of M, B, B̂, q̈₀ from what the tests' literal reference of the paper
+/// gives: global matrices, body-fixed frames, Gaussian elimination. Shares no line with the library's recursions.
 double apart_from_the_paper(const AccuracyScene& scene, const iim::StandardAssembly<Digits>& parts,
                             const State<Digits>& x, const ExactState& exact);
 

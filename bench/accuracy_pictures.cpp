@@ -86,8 +86,9 @@ bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folde
   for (const Figure& figure : figures) {
     std::string text = gnuplot_text(figure);
     const std::string lowest = text_of(extent(figure, &Point::y).first / 2);
-    const std::string powers = "set format y '10^{%T}'\nset yrange [" + lowest + ":*]\n" +
-                               (figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "");
+    const std::string powers =
+        "set format y '10^{%T}'\nset yrange [" + lowest + ":*]\n" +
+        (figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "");
     text.insert(text.rfind("\nplot ") + 1, powers);
     write(folder, figure.file, text);
     drawn = drawn && run_gnuplot(folder, figure.file);
@@ -98,7 +99,8 @@ bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folde
 Figure error_over(const std::vector<AccuracyResult>& results, const std::string& group, const std::string& title,
                   const std::string& x, const std::string& scalar)
 {
-  Figure figure{file_name("accuracy_" + group + "_" + scalar), title + ", " + scalar, x, "relative error of B̂", true, true};
+  Figure figure{
+      file_name("accuracy_" + group + "_" + scalar), title + ", " + scalar, x, "relative error of B̂", true, true};
   for (const auto& [variant, look] : looks) {
     Curve curve{variant, look, {}};
     for (const AccuracyResult& result : results) {
@@ -149,7 +151,9 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
     const auto& [variant, colour] = *look;
     for (const auto& [scalar, point] : points) {
       for (const Outcome& o : result.outcomes) {
-        if (o.variant != variant || o.scalar != scalar || !(o.time > 0) || o.refused > 0 || !(o.Bhat_error > 0)) { continue; }
+        if (o.variant != variant || o.scalar != scalar || !(o.time > 0) || o.refused > 0 || !(o.Bhat_error > 0)) {
+          continue;
+        }
         all.push_back({o.time, o.Bhat_error});
         const std::string block = "$p" + std::to_string(all.size());
         data << block << " << END\n" << o.time << ' ' << o.Bhat_error << "\nEND\n";
@@ -159,13 +163,15 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
     }
   }
   for (const auto& [variant, colour] : colours) {
-    key << ", \\\n  keyentry with points linecolor rgb '" << colour << "' pointtype 7 pointsize 1.4 title \"" << variant << '"';
+    key << ", \\\n  keyentry with points linecolor rgb '" << colour << "' pointtype 7 pointsize 1.4 title \"" << variant
+        << '"';
   }
   std::vector<Point> front;
   for (const Outcome* o : accuracy_front(result.outcomes)) { front.push_back({o->time, o->Bhat_error}); }
   std::ostringstream out;
   out.precision(6);
-  out << "set terminal svg size 1100,760 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
+  out << "set terminal svg size 1100,760 dynamic enhanced background rgb 'white' font 'DejaVu "
+         "Sans,Arial,sans-serif,15'\n"
       << "set encoding utf8\nset output '" << name << ".svg'\n"
       << "set title \"Error against run time: " << result.scene.name << "   (▲ float, ● double, ■ long double)\"\n"
       << "set xlabel \"time for q̈₀ and B̂ [µs]\"\nset ylabel \"relative error of B̂, worst state\"\n"
@@ -174,8 +180,8 @@ std::string draw_error_against_time(const AccuracyResult& result, const std::str
       << "set logscale xy\nset format y '10^{%T}'\n$front << END\n";
   for (const Point& p : front) { out << p.x << ' ' << p.y << '\n'; }
   out << "END\n"
-      << data.str() << "plot $front using 1:2 with steps linecolor rgb '#999999' linewidth 4 title \"front\"" << key.str() << plot.str()
-      << '\n';
+      << data.str() << "plot $front using 1:2 with steps linecolor rgb '#999999' linewidth 4 title \"front\""
+      << key.str() << plot.str() << '\n';
   write(folder, name, out.str());
   drawn = drawn && run_gnuplot(folder, name);
   return name;

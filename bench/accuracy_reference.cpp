@@ -25,8 +25,8 @@ using Parts = iim::StandardAssembly<Digits>;
 using DigitsTree = Tree<Digits>;
 using Matrix = iim::MatrixX<Digits>;
 
-/// The robot with rotations that are rotations to all digits: those of a file are so to 10⁻¹⁶, and a rotation off by that
-/// is not the same robot in body-fixed axes as in the world's.
+/// The robot with rotations that are rotations to all digits: those of a file are so to 10⁻¹⁶, and a rotation off by
+/// that is not the same robot in body-fixed axes as in the world's.
 Parts orthonormal(const Parts& parts)
 {
   const auto mend = [](auto on) {

@@ -22,7 +22,9 @@ std::string cell(const Outcome& o, double value, std::size_t states)
 {
   if (o.refused == static_cast<int>(states)) { return o.status; }
   std::string text = magnitude(value);
-  if (o.refused > 0) { text += " (" + std::to_string(o.refused) + " of " + std::to_string(states) + " " + o.status + ")"; }
+  if (o.refused > 0) {
+    text += " (" + std::to_string(o.refused) + " of " + std::to_string(states) + " " + o.status + ")";
+  }
   return text;
 }
 
@@ -62,7 +64,9 @@ std::string in_epsilon(const Bound::Worst& w, int states)
 /// Where the default stands among all variants in double.
 std::string default_against_double(const std::vector<Outcome>& outcomes)
 {
-  const auto is_default = [](const Outcome& o) { return o.variant == "implicit inversion, projected" && o.scalar == "double"; };
+  const auto is_default = [](const Outcome& o) {
+    return o.variant == "implicit inversion, projected" && o.scalar == "double";
+  };
   const Outcome& own = *std::find_if(outcomes.begin(), outcomes.end(), is_default);
   const Outcome* fastest = &own;
   const Outcome* most_accurate = &own;
@@ -71,8 +75,9 @@ std::string default_against_double(const std::vector<Outcome>& outcomes)
     if (o.time < fastest->time) { fastest = &o; }
     if (o.Bhat_error < most_accurate->Bhat_error) { most_accurate = &o; }
   }
-  return "implicit inversion, projected, double: " + three_digits(own.time / fastest->time) + " times as long as the fastest in double (" +
-         fastest->variant + "), " + three_digits(own.Bhat_error / most_accurate->Bhat_error) + " times the error of the most accurate (" +
+  return "implicit inversion, projected, double: " + three_digits(own.time / fastest->time) +
+         " times as long as the fastest in double (" + fastest->variant + "), " +
+         three_digits(own.Bhat_error / most_accurate->Bhat_error) + " times the error of the most accurate (" +
          most_accurate->variant + ", which takes " + three_digits(most_accurate->time / own.time) + " times as long)";
 }
 
@@ -80,9 +85,10 @@ std::string default_against_double(const std::vector<Outcome>& outcomes)
 void write_silent(const std::vector<AccuracyResult>& results, Report& report)
 {
   report.section("Wrong without a status");
-  report.paragraph("States that came back ok although B̂ or q̈₀ is off by more than 1 % where one ε of the scalar in the data moves "
-                   "it by less than 0.01 %, or although there is no result. All scenes of this report, every variant; behind each "
-                   "name how many of the states.");
+  report.paragraph(
+      "States that came back ok although B̂ or q̈₀ is off by more than 1 % where one ε of the scalar in the data moves "
+      "it by less than 0.01 %, or although there is no result. All scenes of this report, every variant; behind each "
+      "name how many of the states.");
   Table table({"scene", "scalar", "wrong without a status"});
   for (const AccuracyResult& result : results) {
     const std::string states = std::to_string(result.scene.states.size());
@@ -124,7 +130,8 @@ void write_silent(const std::vector<AccuracyResult>& results, Report& report)
 void write_bounds(const std::vector<Bound>& bounds, Report& report)
 {
   report.section("Worst of many states, in ε of the scalar");
-  report.paragraph("In brackets: what one ε in the data moves at that state. The reference is the square-root form in long double.");
+  report.paragraph(
+      "In brackets: what one ε in the data moves at that state. The reference is the square-root form in long double.");
   for (const std::size_t scalar : {0u, 1u}) {
     const std::string name = scalar == 0 ? "double" : "float";
     Table table({"case, " + name, "states", "B̂ printed", "B̂ projected", "B̂ square root", "q̈₀ printed", "q̈₀ projected",
@@ -152,14 +159,14 @@ void write_time_table(const AccuracyResult& result, Report& report)
     front += (front.empty() ? "" : "; ") + o->variant + ", " + o->scalar + " (" + three_digits(o->time) + " µs, " +
              magnitude(o->Bhat_error) + ")";
   }
-  report.paragraph("On the front, nothing being faster and more accurate at once: " + front + ". The library's default is " +
-                   default_against_double(result.outcomes) + ".");
+  report.paragraph("On the front, nothing being faster and more accurate at once: " + front +
+                   ". The library's default is " + default_against_double(result.outcomes) + ".");
   Table table({"variant", "scalar", "time [µs]", "× printed, double", "error of B̂", "componentwise", "residual [ε]",
                "error of q̈₀"});
   for (const Outcome& o : result.outcomes) {
     table.add({o.variant, o.scalar, three_digits(o.time), three_digits(o.time / printed->time),
-               cell(o, o.Bhat_error, states), cell(o, o.componentwise, states),
-               cell(o, o.residual, states), cell(o, o.qdd0_error, states)});
+               cell(o, o.Bhat_error, states), cell(o, o.componentwise, states), cell(o, o.residual, states),
+               cell(o, o.qdd0_error, states)});
   }
   report.table(table);
 }
@@ -168,7 +175,8 @@ void write_overview(const std::vector<AccuracyResult>& results, const std::strin
 {
   for (const char* scalar : scalars) {
     for (const bool of_Bhat : {true, false}) {
-      std::vector<std::string> head{std::string(of_Bhat ? "error of B̂, " : "error of q̈₀, ") + scalar, "cond(M)", "one ε in the data"};
+      std::vector<std::string> head{std::string(of_Bhat ? "error of B̂, " : "error of q̈₀, ") + scalar, "cond(M)",
+                                    "one ε in the data"};
       for (const auto& [variant, name] : chosen) { head.push_back(name); }
       Table table(head);
       for (const AccuracyResult& result : results) {
@@ -194,9 +202,10 @@ void write_overview(const std::vector<AccuracyResult>& results, const std::strin
 
 void write_failures(const std::vector<AccuracyResult>& results, Report& report)
 {
-  report.paragraph("Who fails, and how. «Wrong»: more than 100 times what one ε of the scalar in the data does at the same "
-                   "state, for B̂ or q̈₀; behind it the worst factor. The three methods that run on the library's workspace "
-                   "stand under their update. A status is no failure.");
+  report.paragraph(
+      "Who fails, and how. «Wrong»: more than 100 times what one ε of the scalar in the data does at the same "
+      "state, for B̂ or q̈₀; behind it the worst factor. The three methods that run on the library's workspace "
+      "stand under their update. A status is no failure.");
   Table table({"scene", "scalar", "wrong", "answers by status"});
   std::string nobody;
   for (const AccuracyResult& result : results) {
@@ -224,7 +233,9 @@ void write_failures(const std::vector<AccuracyResult>& results, Report& report)
         }
       }
       std::string who_is_wrong;
-      for (const auto& [who, excess] : wrong) { who_is_wrong += (who_is_wrong.empty() ? "" : "; ") + who + " " + text("%.0e", excess); }
+      for (const auto& [who, excess] : wrong) {
+        who_is_wrong += (who_is_wrong.empty() ? "" : "; ") + who + " " + text("%.0e", excess);
+      }
       std::string statuses;
       for (const auto& [who, status] : refused) { statuses += (statuses.empty() ? "" : "; ") + who + ": " + status; }
       anybody |= !wrong.empty() || !refused.empty();
@@ -247,11 +258,13 @@ void write_details(const std::vector<AccuracyResult>& results, const std::string
     const bool exists = result.reference.failure.empty();
     report.paragraph(result.scene.name + ": " + std::to_string(states) + " states, " +
                      (exists ? "condition number of M up to " + magnitude(result.reference.worst(&Yardstick::condition))
-                             : "exactly: " + result.reference.failure) + ".");
-    Table table({"variant", "scalar", "error of B̂", "× data", "componentwise", "residual [ε]", "error of q̈₀", "× data"});
+                             : "exactly: " + result.reference.failure) +
+                     ".");
+    Table table(
+        {"variant", "scalar", "error of B̂", "× data", "componentwise", "residual [ε]", "error of q̈₀", "× data"});
     for (const Outcome& o : result.outcomes) {
-      table.add({o.variant, o.scalar, cell(o, o.Bhat_error, states), magnitude(o.Bhat_excess), magnitude(o.componentwise),
-                 magnitude(o.residual), magnitude(o.qdd0_error), magnitude(o.qdd0_excess)});
+      table.add({o.variant, o.scalar, cell(o, o.Bhat_error, states), magnitude(o.Bhat_excess),
+                 magnitude(o.componentwise), magnitude(o.residual), magnitude(o.qdd0_error), magnitude(o.qdd0_excess)});
     }
     report.table(table);
   }

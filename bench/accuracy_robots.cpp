@@ -38,8 +38,8 @@ void keep_slides_within_limits(const iim::UrdfRobot<double>& robot, const Tree<d
   }
 }
 
-/// Moments of inertia symmetric to the last bit: of links that were merged from several they are so up to roundings, and
-/// what 80 digits make of such a matrix depends on which half they read.
+/// Moments of inertia symmetric to the last bit: of links that were merged from several they are so up to roundings,
+/// and what 80 digits make of such a matrix depends on which half they read.
 iim::StandardAssembly<double> symmetric(const iim::StandardAssembly<double>& parts)
 {
   iim::StandardAssembly<double> other;
@@ -76,7 +76,8 @@ std::vector<AccuracyScene> accuracy_robots(const std::string& folder, int states
     options.base = file.base;
     options.mimic = iim::Mimic::independent;
     const auto robot = iim::load_urdf<double>(path.string(), options);
-    AccuracyScene scene{std::string(file.name) + ", " + file.what, "robot", 0, symmetric(robot.assembly), file.points, {}, true};
+    AccuracyScene scene{
+        std::string(file.name) + ", " + file.what, "robot", 0, symmetric(robot.assembly), file.points, {}, true};
     const Tree<double> tree(scene.parts);
     scene.parameter = static_cast<double>(tree.n_v());
     scene.states = random_states(tree, 0, states, 4711);

@@ -24,7 +24,8 @@ Link rod(double mass, double length, int axis)
   link.joint.axis = Vec3::Unit(axis);
   link.body.mass = mass;
   link.body.com = Vec3(0, 0, -length / 2);
-  link.body.inertia.diagonal() << mass * length * length / 10, mass * length * length / 10, mass * length * length / 100;
+  link.body.inertia.diagonal() << mass * length * length / 10, mass * length * length / 10,
+      mass * length * length / 100;
   return link;
 }
 
@@ -182,7 +183,8 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
 
   for (const double decades : {0.0, 2.0, 4.0, 6.0, 9.0, 12.0}) {
     const double load = std::pow(10.0, decades);
-    add({"load 1e" + std::to_string(static_cast<int>(decades)) + " kg on seven links", "mass ratio", load, loaded_arm(load)});
+    add({"load 1e" + std::to_string(static_cast<int>(decades)) + " kg on seven links", "mass ratio", load,
+         loaded_arm(load)});
   }
   for (const double distance : {0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6}) {
     add({"arm at " + std::to_string(static_cast<long>(distance)) + " m", "distance", std::max(distance, 1.0),
@@ -208,7 +210,8 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
   extreme("load 1e6 kg on a 10 mm wrist", loaded_arm(1e6, 0.01));
   extreme("load 1e9 kg on a 10 mm wrist", loaded_arm(1e9, 0.01));
   extreme("parallel axes, 20 links", chain(20, [](Index) { return Rod{1, 1, 1}; }));
-  extreme("near-coincident axes: 1e-6 m apart, 8 links", chain(8, [](Index i) { return Rod{1, i % 2 == 0 ? 1e-6 : 1.0, 1}; }));
+  extreme("near-coincident axes: 1e-6 m apart, 8 links",
+          chain(8, [](Index i) { return Rod{1, i % 2 == 0 ? 1e-6 : 1.0, 1}; }));
   extreme("near-coincident axes in pairs, 1e-6 m and rad, 8 links", near_coincident(8));
   extreme("gear ratio 1000, rotor 1e6 times the arm", geared(loaded_arm(1), 1e3, 1e-2));
   extreme("gear ratio 1000, rotor as the arm", geared(loaded_arm(1), 1e3, 1e-8));
@@ -219,7 +222,8 @@ std::vector<AccuracyScene> accuracy_scenes(bool quick, int states)
   extreme("masses of 1e300 kg", chain(5, [](Index i) { return Rod{1e300, 1, static_cast<int>(i % 2)}; }));
   extreme("masses of 1e-306 kg, subnormal thin moments",
           chain(5, [](Index i) { return Rod{1e-306, 1, static_cast<int>(i % 2)}; }));
-  extreme("masses of 1e-310 kg: B̂ is no double", chain(5, [](Index i) { return Rod{1e-310, 1, static_cast<int>(i % 2)}; }));
+  extreme("masses of 1e-310 kg: B̂ is no double",
+          chain(5, [](Index i) { return Rod{1e-310, 1, static_cast<int>(i % 2)}; }));
   extreme("masses of 1e-300 kg", chain(5, [](Index i) { return Rod{1e-300, 1, static_cast<int>(i % 2)}; }));
   {
     Parts parts = chain(4, [](Index i) { return Rod{1, 1, static_cast<int>(i % 2)}; });

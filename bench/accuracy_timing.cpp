@@ -67,8 +67,10 @@ void write_costs(bool quick, Report& report)
 {
   report.section("What the tiers cost");
   report.paragraph(
-      "The biped with 38 inputs, q̈₀ and all of B̂, tree made at run time, 64 random states (seed 4711), on one core; the "
-      "variants take turns. Median and quartiles, of a ratio those of the ratios turn by turn. «Cholesky» is the faster of the "
+      "The biped with 38 inputs, q̈₀ and all of B̂, tree made at run time, 64 random states (seed 4711), on one core; "
+      "the "
+      "variants take turns. Median and quartiles, of a ratio those of the ratios turn by turn. «Cholesky» is the "
+      "faster of the "
       "library's global inverses, kinematics and composites included.");
   const std::vector<std::string> names{"implicit inversion, printed", "implicit inversion, projected",
                                        "implicit inversion, square root", "branch-sparse Cholesky", "dense Cholesky"};
@@ -99,11 +101,14 @@ void write_costs(bool quick, Report& report)
     const auto& printed = samples[count];
     const bool sparse = spread(samples[count + 3]).median < spread(samples[count + 4]).median;
     const auto& cholesky = samples[count + (sparse ? 3 : 4)];
-    ratios.add({std::string(name) + ": projected / printed", with_quartiles(ratio(samples[count + 1], printed)), "1.15", "1.05"});
-    ratios.add({std::string(name) + ": square root / printed", with_quartiles(ratio(samples[count + 2], printed)), "2.5", "1.7"});
-    ratios.add({std::string(name) + ": square root in float / Cholesky in double", with_quartiles(ratio(in_float, cholesky)),
-                "0.6", "0.35"});
-    ratios.add({std::string(name) + ": printed in float / Cholesky in double", with_quartiles(ratio(samples[0], cholesky)), "–", "–"});
+    ratios.add({std::string(name) + ": projected / printed", with_quartiles(ratio(samples[count + 1], printed)), "1.15",
+                "1.05"});
+    ratios.add({std::string(name) + ": square root / printed", with_quartiles(ratio(samples[count + 2], printed)),
+                "2.5", "1.7"});
+    ratios.add({std::string(name) + ": square root in float / Cholesky in double",
+                with_quartiles(ratio(in_float, cholesky)), "0.6", "0.35"});
+    ratios.add({std::string(name) + ": printed in float / Cholesky in double",
+                with_quartiles(ratio(samples[0], cholesky)), "–", "–"});
   }
   report.table(times);
   report.table(ratios);

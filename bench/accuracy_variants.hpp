@@ -23,7 +23,8 @@ namespace bench {
 /// A scene in one Scalar, shared by whatever evaluates it.
 template <class Scalar>
 struct AccuracyRobot {
-  explicit AccuracyRobot(const AccuracyScene& scene) : tree(scene.parts.template cast<Scalar>()), inputs(accuracy_inputs(scene, tree))
+  explicit AccuracyRobot(const AccuracyScene& scene)
+      : tree(scene.parts.template cast<Scalar>()), inputs(accuracy_inputs(scene, tree))
   {
     for (const State<double>& x : scene.states) { states.push_back(x.template cast<Scalar>()); }
   }
@@ -93,7 +94,9 @@ void measure(const iim::AffineDynamics<Scalar>& result, const Reference& exact, 
   outcome.qdd0_error = std::max(outcome.qdd0_error, qdd0_error);
   outcome.Bhat_excess = std::max(outcome.Bhat_excess, Bhat_error / (epsilons * y.Bhat_sensitivity));
   outcome.qdd0_excess = std::max(outcome.qdd0_excess, qdd0_error / (epsilons * y.qdd0_sensitivity));
-  const auto wrong = [&](double error, double sensitivity) { return !(error <= 1e-2) && epsilons * sensitivity < 1e-4; };
+  const auto wrong = [&](double error, double sensitivity) {
+    return !(error <= 1e-2) && epsilons * sensitivity < 1e-4;
+  };
   outcome.silent += wrong(Bhat_error, y.Bhat_sensitivity) || wrong(qdd0_error, y.qdd0_sensitivity) ? 1 : 0;
   for (Index j = 0; j < result.Bhat.cols(); ++j) {
     for (Index i = 0; i < result.Bhat.rows(); ++i) {

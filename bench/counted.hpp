@@ -10,8 +10,8 @@
 
 namespace bench {
 
-/// Operations since Counted::done was last set to {}: multiplications and divisions; additions and subtractions; roots and
-/// functions of angles.
+/// Operations since Counted::done was last set to {}: multiplications and divisions; additions and subtractions; roots
+/// and functions of angles.
 struct Operations {
   double products = 0, sums = 0, functions = 0;
 

@@ -36,7 +36,7 @@ struct Figure {
 };
 
 /// Smallest and largest abscissa or ordinate of all curves.
-inline std::pair<double, double> extent(const Figure& figure, double Point::*coordinate)
+inline std::pair<double, double> extent(const Figure& figure, double Point::* coordinate)
 {
   std::pair<double, double> range{std::numeric_limits<double>::infinity(), 0};
   for (const Curve& curve : figure.curves) {
@@ -53,7 +53,8 @@ inline std::string gnuplot_text(const Figure& figure)
 {
   std::ostringstream out;
   out.precision(6);
-  out << "set terminal svg size 1000,560 dynamic enhanced background rgb 'white' font 'DejaVu Sans,Arial,sans-serif,15'\n"
+  out << "set terminal svg size 1000,560 dynamic enhanced background rgb 'white' font 'DejaVu "
+         "Sans,Arial,sans-serif,15'\n"
       << "set encoding utf8\n"
       << "set output '" << figure.file << ".svg'\n"
       << "set title \"" << figure.title << "\"\n"
@@ -89,8 +90,9 @@ inline std::string gnuplot_text(const Figure& figure)
   out << "plot ";
   for (std::size_t c = 0; c < figure.curves.size(); ++c) {
     const Look& look = figure.curves[c].look;
-    out << (c > 0 ? ", \\\n  " : "") << "$curve" << c << " using 1:2 with " << (figure.scatter ? "points" : "linespoints")
-        << " linecolor rgb '" << look.colour << "' pointtype " << look.point << " pointsize " << (figure.scatter ? 1.6 : 0.55);
+    out << (c > 0 ? ", \\\n  " : "") << "$curve" << c << " using 1:2 with "
+        << (figure.scatter ? "points" : "linespoints") << " linecolor rgb '" << look.colour << "' pointtype "
+        << look.point << " pointsize " << (figure.scatter ? 1.6 : 0.55);
     if (figure.scatter) {
       out << " linewidth 2";
     } else {

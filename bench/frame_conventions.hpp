@@ -238,7 +238,8 @@ private:
       link.A.template topLeftCorner<3, 3>() = link.mass * Matrix3::Identity();
       link.A.template topRightCorner<3, 3>() = -link.mass * sx;
       link.A.template bottomLeftCorner<3, 3>() = link.mass * sx;
-      link.A.template bottomRightCorner<3, 3>() = Matrix3(axes * link.inertia) * axes.transpose() - link.mass * (sx * sx);
+      link.A.template bottomRightCorner<3, 3>() =
+          Matrix3(axes * link.inertia) * axes.transpose() - link.mass * (sx * sx);
       link.p = cross_force(link.v, Vector6(link.A * link.v));
     }
     for (Index j = link.first; j < link.end; ++j) { link.P.col(j).setZero(); }

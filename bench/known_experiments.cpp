@@ -40,8 +40,8 @@ iim::RevoluteLink<double> thin_rod(double mass, double length)
 
 struct Planar {
   bool floating = false;
-  Index branching = 1;   ///< children per link
-  double scale = 1;      ///< length of a link / length of its parent; masses go with the cube
+  Index branching = 1;  ///< children per link
+  double scale = 1;     ///< length of a link / length of its parent; masses go with the cube
 };
 
 /// n rods in one plane.
@@ -113,7 +113,9 @@ std::vector<Figure> featherstone(bool quick, Report& report)
   const std::vector<Series> all{
       {"unbranched, straight", {}, straight, {"#0072B2", 7, 1, 2}},
       {"unbranched, random", {}, random, {"#56B4E9", 5, 1, 2}},
-      {"unbranched, one full circle", {}, [](Index i, Index n) { return i == 0 ? 0.0 : 2 * std::numbers::pi / static_cast<double>(n); },
+      {"unbranched, one full circle",
+       {},
+       [](Index i, Index n) { return i == 0 ? 0.0 : 2 * std::numbers::pi / static_cast<double>(n); },
        {"#E69F00", 9, 1, 2}},
       {"unbranched, folded", {}, [](Index i, Index) { return i == 0 ? 0.0 : std::numbers::pi; }, {"#D55E00", 11, 1, 2}},
       {"unbranched, floating, straight", {true}, straight, {"#009E73", 13, 1, 2}},
@@ -126,9 +128,14 @@ std::vector<Figure> featherstone(bool quick, Report& report)
   for (const Index n : numbers) { head.push_back("N = " + std::to_string(n)); }
   head.push_back("growth");
   Table table(head);
-  Figure figure{"accuracy_known_condition", "Condition number of M of planar mechanisms of N equal thin rods", "N",
-                "condition number of M", true, true};
-  const auto add = [&](const std::string& name, const Look& look, const std::function<double(Index)>& value, bool straight_line) {
+  Figure figure{"accuracy_known_condition",
+                "Condition number of M of planar mechanisms of N equal thin rods",
+                "N",
+                "condition number of M",
+                true,
+                true};
+  const auto add = [&](const std::string& name, const Look& look, const std::function<double(Index)>& value,
+                       bool straight_line) {
     std::vector<std::string> row{name};
     Curve curve{name, look, {}};
     for (const Index n : numbers) {
@@ -143,20 +150,24 @@ std::vector<Figure> featherstone(bool quick, Report& report)
     table.add(row);
     figure.curves.push_back(curve);
   };
-  add("Featherstone's bound, 4N⁴", {"#999999", 0, 3, 2}, [](Index n) { return 4 * std::pow(static_cast<double>(n), 4); }, true);
+  add(
+      "Featherstone's bound, 4N⁴", {"#999999", 0, 3, 2},
+      [](Index n) { return 4 * std::pow(static_cast<double>(n), 4); }, true);
   for (const Series& series : all) {
-    add(series.name, series.look,
-        [&](Index n) {
-          return condition_number(planar(n, series.shape), [&](Index i) { return series.angle(i, n); });
-        },
+    add(
+        series.name, series.look,
+        [&](Index n) { return condition_number(planar(n, series.shape), [&](Index i) { return series.angle(i, n); }); },
         false);
   }
   report.paragraph(
       "His figure: the condition number grows as something between O(N) and O(N⁴), up to 4N⁴ on unbranched chains, and "
       "branching lowers it. Ours for planar mechanisms of N equal uniform thin rods: on the straight unbranched chain "
-      "the largest eigenvalue of M tends to that of a clamped-free beam, m l² N⁴ / 1.8751⁴, the smallest to m l² / 48, together "
-      "48 / 12.36 N⁴ = 3.88 N⁴. What could not be found out: the mass distribution of his links, his list of robots and which of "
-      "them grow as O(N). The equal thin rods are our assumption; that their constant comes out at 3.88 says that it is a fair "
+      "the largest eigenvalue of M tends to that of a clamped-free beam, m l² N⁴ / 1.8751⁴, the smallest to m l² / 48, "
+      "together "
+      "48 / 12.36 N⁴ = 3.88 N⁴. What could not be found out: the mass distribution of his links, his list of robots "
+      "and which of "
+      "them grow as O(N). The equal thin rods are our assumption; that their constant comes out at 3.88 says that it "
+      "is a fair "
       "one. Links that shrink outward make M worse than any power of N.");
   report.table(table);
   report.image(figure.file + ".svg", figure.title);
@@ -183,7 +194,8 @@ StepCount integrate(const State<double>& begin, double end, double tolerance, lo
                                      {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
                                      {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
                                      {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
-  static constexpr double e[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  static constexpr double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                                  -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   const Index n = begin.q.size();
   Vector y(2 * n);
   y << begin.q.cast<Scalar>(), begin.qd.cast<Scalar>();
@@ -216,7 +228,8 @@ StepCount integrate(const State<double>& begin, double end, double tolerance, lo
       for (int s = 0; s < 7; ++s) { difference += Scalar(h * e[s]) * k[static_cast<std::size_t>(s)]; }
       error = 0;
       for (Index i = 0; i < 2 * n; ++i) {
-        const double scaled = static_cast<double>(difference(i)) / (tolerance * (1 + std::abs(static_cast<double>(y(i)))));
+        const double scaled =
+            static_cast<double>(difference(i)) / (tolerance * (1 + std::abs(static_cast<double>(y(i)))));
         error += scaled * scaled / static_cast<double>(2 * n);
       }
       error = std::sqrt(error);
@@ -235,7 +248,8 @@ StepCount integrate(const State<double>& begin, double end, double tolerance, lo
 }
 
 template <class Scalar>
-void formulation_stiffness(const std::string& name, const Parts& parts, double tolerance, double end, long limit, Table& table)
+void formulation_stiffness(const std::string& name, const Parts& parts, double tolerance, double end, long limit,
+                           Table& table)
 {
   using TreeType = Tree<Scalar>;
   const Tree<double> in_double(parts);
@@ -294,20 +308,27 @@ void ascher_pai_cloutier(bool quick, Report& report)
   report.paragraph(
       "Their statement: composites with Cholesky and articulated bodies are two eliminations of one linear system; on "
       "ill-conditioned mechanisms the former cancels, and an integrator with adaptive steps takes the noise in q̈ for "
-      "stiffness and shortens its steps. Reproduced with Dormand and Prince's 5(4) pair, relative and absolute tolerance as "
-      "given, chains of 1 m links under gravity with alternating axes, random state (seed 4711). What could not be found "
-      "out: the parameters of their robots, their integrator's tolerances and their step counts; so the columns are ours "
+      "stiffness and shortens its steps. Reproduced with Dormand and Prince's 5(4) pair, relative and absolute "
+      "tolerance as "
+      "given, chains of 1 m links under gravity with alternating axes, random state (seed 4711). What could not be "
+      "found "
+      "out: the parameters of their robots, their integrator's tolerances and their step counts; so the columns are "
+      "ours "
       "alone, and only who wins can be compared: articulated bodies, as they say.");
   Table table({"mechanism, scalar, tolerance, time", "method", "steps", "rejected", "outcome"});
   const long limit = quick ? 20000 : 200000;
   formulation_stiffness<double>("chain of 20, double, 1e-10, 1 s", chain_with_load(20, 1), 1e-10, 1, limit, table);
-  formulation_stiffness<double>("chain of 100, double, 1e-12, 0.05 s", chain_with_load(100, 1), 1e-12, 0.05, limit, table);
-  formulation_stiffness<double>("7 links, load 1e9, double, 1e-9, 0.01 s", chain_with_load(7, 1e9), 1e-9, 0.01, limit, table);
-  formulation_stiffness<double>("7 links, load 1e12, double, 1e-9, 0.001 s", chain_with_load(7, 1e12), 1e-9, 0.001, limit, table);
+  formulation_stiffness<double>("chain of 100, double, 1e-12, 0.05 s", chain_with_load(100, 1), 1e-12, 0.05, limit,
+                                table);
+  formulation_stiffness<double>("7 links, load 1e9, double, 1e-9, 0.01 s", chain_with_load(7, 1e9), 1e-9, 0.01, limit,
+                                table);
+  formulation_stiffness<double>("7 links, load 1e12, double, 1e-9, 0.001 s", chain_with_load(7, 1e12), 1e-9, 0.001,
+                                limit, table);
   formulation_stiffness<float>("chain of 20, float, 1e-4, 0.5 s", chain_with_load(20, 1), 1e-4, 0.5, limit, table);
   formulation_stiffness<float>("chain of 50, float, 1e-4, 0.5 s", chain_with_load(50, 1), 1e-4, 0.5, limit, table);
   formulation_stiffness<float>("chain of 100, float, 1e-4, 0.5 s", chain_with_load(100, 1), 1e-4, 0.5, limit, table);
-  formulation_stiffness<float>("7 links, load 1e4, float, 1e-4, 0.1 s", chain_with_load(7, 1e4), 1e-4, 0.1, limit, table);
+  formulation_stiffness<float>("7 links, load 1e4, float, 1e-4, 0.1 s", chain_with_load(7, 1e4), 1e-4, 0.1, limit,
+                               table);
   report.table(table);
 }
 

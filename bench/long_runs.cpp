@@ -48,8 +48,8 @@ struct Conserved {
 class Balance {
 public:
   explicit Balance(const Parts& parts)
-      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Inputs<Tree<long double>>::Start::empty), workspace_(tree_),
-        mass_matrix_(tree_, inputs_)
+      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Inputs<Tree<long double>>::Start::empty),
+        workspace_(tree_), mass_matrix_(tree_, inputs_)
   {
   }
   Balance(const Balance&) = delete;
@@ -80,7 +80,9 @@ template <class Scalar>
 struct Compensated {
   iim::VectorX<Scalar> value, lost;
 
-  explicit Compensated(const iim::VectorX<Scalar>& begin) : value(begin), lost(iim::VectorX<Scalar>::Zero(begin.size())) {}
+  explicit Compensated(const iim::VectorX<Scalar>& begin) : value(begin), lost(iim::VectorX<Scalar>::Zero(begin.size()))
+  {
+  }
 
   void add(const iim::VectorX<Scalar>& step)
   {
@@ -132,7 +134,8 @@ Drift run(const Parts& parts, const State<double>& begin, double h, long steps)
   Vector moved(n_q + n_v);
   Balance balance(parts);
   const auto conserved = [&] {
-    return balance({y.value.head(n_q).template cast<long double>(), y.value.tail(n_v).template cast<long double>(), {}});
+    return balance(
+        {y.value.head(n_q).template cast<long double>(), y.value.tail(n_v).template cast<long double>(), {}});
   };
   const Conserved initial = conserved();
   const long double p0 = std::max<long double>(initial.momentum.norm(), std::sqrt(2 * initial.energy));
@@ -188,15 +191,16 @@ void run_tiers(const Run& scene, long steps, const char* scalar, Table& table, F
       table.add({scene.name, scalar, tier, "–", "–", "–", "–", "–", drift.status});
       return;
     }
-    table.add({scene.name, scalar, tier, magnitude(drift.energy), text("%+.1e", drift.at_end), magnitude(drift.momentum),
-               magnitude(drift.angular), text("%.1f", drift.seconds), drift.status});
+    table.add({scene.name, scalar, tier, magnitude(drift.energy), text("%+.1e", drift.at_end),
+               magnitude(drift.momentum), magnitude(drift.angular), text("%.1f", drift.seconds), drift.status});
     energy.curves.push_back({std::string(tier) + ", " + scalar, look, drift.energy_over_time});
     momentum.curves.push_back({std::string(tier) + ", " + scalar, look, drift.momentum_over_time});
   };
   const int dash = std::string(scalar) == "float" ? 2 : 1;
   row("printed", run<Scalar, iim::Update::printed>(scene.parts, begin, scene.h, steps), {"#E69F00", 0, dash, 2});
   row("projected", run<Scalar, iim::Update::projected>(scene.parts, begin, scene.h, steps), {"#0072B2", 0, dash, 2});
-  row("square root", run<Scalar, iim::Update::square_root>(scene.parts, begin, scene.h, steps), {"#009E73", 0, dash, 2});
+  row("square root", run<Scalar, iim::Update::square_root>(scene.parts, begin, scene.h, steps),
+      {"#009E73", 0, dash, 2});
 }
 
 }  // namespace
@@ -206,11 +210,15 @@ std::vector<Figure> long_runs(bool quick, Report& report)
   const long steps = quick ? 20000 : 1000000;
   report.section("Long runs: " + std::to_string(steps) + " steps");
   report.paragraph(
-      "Free mechanisms without gravity and inputs, random state (seed 4711), classical Runge–Kutta of order 4 with fixed steps "
-      "so short that its own error stays near the roundings of double, the state summed with compensation. Largest change of "
-      "the kinetic energy and of the two momenta about the world's origin, relative to themselves at the beginning (or to "
+      "Free mechanisms without gravity and inputs, random state (seed 4711), classical Runge–Kutta of order 4 with "
+      "fixed steps "
+      "so short that its own error stays near the roundings of double, the state summed with compensation. Largest "
+      "change of "
+      "the kinetic energy and of the two momenta about the world's origin, relative to themselves at the beginning (or "
+      "to "
       "√(2 E), where that is larger); they are measured in long double. A run that ends by a status ends there.");
-  Table table({"mechanism", "scalar", "tier", "energy", "energy at the end", "momentum", "moment of momentum", "time [s]", "status"});
+  Table table({"mechanism", "scalar", "tier", "energy", "energy at the end", "momentum", "moment of momentum",
+               "time [s]", "status"});
   std::vector<Figure> figures;
   std::vector<Run> scenes;
   scenes.push_back({"free chain of 5, h = 0.1 ms", free_chain(4, 1), 1e-4});
@@ -219,9 +227,14 @@ std::vector<Figure> long_runs(bool quick, Report& report)
   for (Run& scene : scenes) { scene.parts.set_gravity(Vec3::Zero()); }
   const char* files[] = {"accuracy_run_chain", "accuracy_run_loaded_chain", "accuracy_run_biped"};
   for (std::size_t k = 0; k < scenes.size(); ++k) {
-    Figure figure{files[k], "Energy over time: " + scenes[k].name, "time [s]", "relative change of energy", false, true};
-    Figure momentum{std::string(files[k]) + "_momentum", "Moment of momentum over time: " + scenes[k].name, "time [s]",
-                    "relative change of the moment of momentum", false, true};
+    Figure figure{files[k], "Energy over time: " + scenes[k].name, "time [s]", "relative change of energy", false,
+                  true};
+    Figure momentum{std::string(files[k]) + "_momentum",
+                    "Moment of momentum over time: " + scenes[k].name,
+                    "time [s]",
+                    "relative change of the moment of momentum",
+                    false,
+                    true};
     run_tiers<double>(scenes[k], steps, "double", table, figure, momentum);
     run_tiers<float>(scenes[k], steps, "float", table, figure, momentum);
     figures.push_back(figure);

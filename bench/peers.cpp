@@ -74,7 +74,9 @@ Options parse(const std::vector<std::string>& arguments)
       throw std::invalid_argument("unknown argument " + arguments[k]);
     }
   }
-  if (options.out.empty()) { throw std::invalid_argument("usage: iim_peers --out DIR [--quick] [--robots DIR] [--longest N]"); }
+  if (options.out.empty()) {
+    throw std::invalid_argument("usage: iim_peers --out DIR [--quick] [--robots DIR] [--longest N]");
+  }
   if (options.quick) { options.longest = std::min(options.longest, 100); }
   return options;
 }
@@ -110,11 +112,12 @@ Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& work
     several = several_states(model, states);
     const Path at_once = several->paths().front();
     row.measured.push_back({"iim", at_once.name, {}, {}});
-    runners.push_back({[at_once](std::size_t k) {
-                         at_once.compute(k);
-                         return at_once.result();
-                       },
-                       [at_once, &states](std::size_t evaluations) { return run(at_once, states.size(), evaluations); }});
+    runners.push_back(
+        {[at_once](std::size_t k) {
+           at_once.compute(k);
+           return at_once.result();
+         },
+         [at_once, &states](std::size_t evaluations) { return run(at_once, states.size(), evaluations); }});
   }
   for (const std::unique_ptr<Worker>& worker : workers) {
     try {
@@ -122,8 +125,9 @@ Row compare(const Model& model, const std::vector<std::unique_ptr<Worker>>& work
       if (!names.empty()) { worker->result(0, 0); }  // a library that fails only now is out, too
       for (std::size_t j = 0; j < names.size(); ++j) {
         row.measured.push_back({worker->name(), names[j], {}, {}});
-        runners.push_back({[&library = *worker, j](std::size_t k) { return library.result(j, k); },
-                           [&library = *worker, j](std::size_t evaluations) { return library.seconds(j, evaluations); }});
+        runners.push_back(
+            {[&library = *worker, j](std::size_t k) { return library.result(j, k); },
+             [&library = *worker, j](std::size_t evaluations) { return library.seconds(j, evaluations); }});
       }
     } catch (const std::exception& failure) {
       row.remarks.push_back(worker->name() + ": " + line(failure.what()));
@@ -232,11 +236,14 @@ void write(const Options& options, const std::vector<Row>& rows, const std::vect
     out << "\n## Where others are faster\n\n";
     lost.markdown(out);
   }
-  out << "\n## Several states at once\n\nEvery state's q̈₀ and B̂ as matrices of its own; time per state on the one core.\n\n";
+  out << "\n## Several states at once\n\nEvery state's q̈₀ and B̂ as matrices of its own; time per state on the one "
+         "core.\n\n";
   several_at_once(rows, names).markdown(out);
   const bench::Table generated = generated_code(rows, "Pinocchio");
-  out << "\n## Generated code\n\nStraight-line code that was generated for one robot and one scene takes 0.43 µs for the M⁻¹ of "
-         "7 joints and 0.86 µs for 12, where Pinocchio's best path to q̈₀ and M⁻¹ takes 2.4 and 5 µs (published, on another "
+  out << "\n## Generated code\n\nStraight-line code that was generated for one robot and one scene takes 0.43 µs for "
+         "the M⁻¹ of "
+         "7 joints and 0.86 µs for 12, where Pinocchio's best path to q̈₀ and M⁻¹ takes 2.4 and 5 µs (published, on "
+         "another "
          "machine). ";
   if (generated.empty()) {
     out << "Without Pinocchio in this run there is nothing to carry these times over to this machine.\n";
@@ -304,7 +311,9 @@ int compare_all(const Options& options, const std::filesystem::path& programs)
     std::cout << row.model << ": iim " << microseconds(row.ours()) << " µs";
     for (const std::string& name : names) {
       const Measured* best = row.best(name);
-      if (best != nullptr) { std::cout << ", " << name << " ×" << bench::three_digits(best->seconds.median / row.ours()); }
+      if (best != nullptr) {
+        std::cout << ", " << name << " ×" << bench::three_digits(best->seconds.median / row.ours());
+      }
     }
     std::cout << std::endl;
     for (const std::string& remark : row.remarks) { std::cout << "  " << remark << '\n'; }

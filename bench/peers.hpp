@@ -1,8 +1,8 @@
 // Side by side with other libraries: the neutral description of a model, and what an adapter of a library provides.
 //
-// An adapter is one source file, and a program of its own (peers_worker.hpp), that uses nothing but its library's public
-// interface. It builds the library's model from `Model`, brings the states into the library's own form before any
-// timing, and offers one `Path` for every way that a user of the library might choose from a state to q̈₀ and B̂.
+// An adapter is one source file, and a program of its own (peers_worker.hpp), that uses nothing but its library's
+// public interface. It builds the library's model from `Model`, brings the states into the library's own form before
+// any timing, and offers one `Path` for every way that a user of the library might choose from a state to q̈₀ and B̂.
 #pragma once
 
 #include <Eigen/Dense>
@@ -25,16 +25,16 @@ enum class JointKind { revolute, prismatic, floating };
 /// A body and the joint by which it hangs on its parent.
 struct Joint {
   std::string name;
-  int parent;       ///< index of a joint before this one; −1: the world
+  int parent;  ///< index of a joint before this one; −1: the world
   JointKind kind;
-  Matrix3d R;       ///< joint axes in the parent body's axes
-  Vector3d p;       ///< joint origin in the parent body's axes [m]
-  Vector3d axis;    ///< unit vector in joint axes (revolute, prismatic)
-  double mass;      ///< [kg]
-  Vector3d com;     ///< centre of mass, body axes, which are the joint's after its motion [m]
-  Matrix3d inertia; ///< about the centre of mass, body axes [kg m²]
-  int q;            ///< first coordinate: 1, or 7 (position, quaternion x y z w)
-  int v;            ///< first velocity: 1, or 6 (v, ω) in body axes
+  Matrix3d R;        ///< joint axes in the parent body's axes
+  Vector3d p;        ///< joint origin in the parent body's axes [m]
+  Vector3d axis;     ///< unit vector in joint axes (revolute, prismatic)
+  double mass;       ///< [kg]
+  Vector3d com;      ///< centre of mass, body axes, which are the joint's after its motion [m]
+  Matrix3d inertia;  ///< about the centre of mass, body axes [kg m²]
+  int q;             ///< first coordinate: 1, or 7 (position, quaternion x y z w)
+  int v;             ///< first velocity: 1, or 6 (v, ω) in body axes
 
   int n_v() const { return kind == JointKind::floating ? 6 : 1; }
 };
@@ -49,10 +49,10 @@ struct Contact {
 /// A robot and its inputs: columns of B̂ are first the torques on `motors`, then three per contact.
 struct Model {
   std::string name;
-  std::vector<Joint> joints;   ///< depth first, as iim numbers them
-  std::vector<int> motors;     ///< velocities that a motor drives, ascending
+  std::vector<Joint> joints;  ///< depth first, as iim numbers them
+  std::vector<int> motors;    ///< velocities that a motor drives, ascending
   std::vector<Contact> contacts;
-  Vector3d gravity;            ///< acceleration of free fall, world axes [m/s²]
+  Vector3d gravity;  ///< acceleration of free fall, world axes [m/s²]
   int n_q = 0;
   int n_v = 0;
 

@@ -1,6 +1,6 @@
 // PROGRAM: iim_peers_controller
-// What a user compiles: one cycle of a controller of the run-time biped. iim_peers compiles it again and reports the time
-// and the size of this program (peers_compile.hpp).
+// What a user compiles: one cycle of a controller of the run-time biped. iim_peers compiles it again and reports the
+// time and the size of this program (peers_compile.hpp).
 #include <iim/iim.hpp>
 #include <iim/models.hpp>
 

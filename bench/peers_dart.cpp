@@ -150,13 +150,15 @@ private:
     Result result{VectorXd(qdd0_.size()), MatrixXd(Bhat.rows(), Bhat.cols())};
     for (Index v = 0; v < order_.size(); ++v) {
       result.qdd0(v) = qdd0_(order_(v));
-      for (Index c = 0; c < Bhat.cols(); ++c) { result.Bhat(v, c) = Bhat(order_(v), columns[static_cast<std::size_t>(c)]); }
+      for (Index c = 0; c < Bhat.cols(); ++c) {
+        result.Bhat(v, c) = Bhat(order_(v), columns[static_cast<std::size_t>(c)]);
+      }
     }
     return result;
   }
 
   dd::SkeletonPtr skeleton_;
-  Eigen::VectorXi order_;    // index in DART of each velocity
+  Eigen::VectorXi order_;     // index in DART of each velocity
   std::vector<int> motors_;   // in DART's numbering
   std::vector<int> columns_;  // 0, 1, 2, …
   std::vector<Point> contacts_;
@@ -175,7 +177,8 @@ int main(int argc, char** argv)
 {
   using namespace peers;
   return serve({"DART", DART_VERSION,
-    [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
-      return std::make_unique<DartPeer>(model, states);
-    }}, argc, argv);
+                [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+                  return std::make_unique<DartPeer>(model, states);
+                }},
+               argc, argv);
 }

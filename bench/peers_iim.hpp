@@ -71,9 +71,7 @@ public:
   std::vector<Path> paths() override
   {
     return {{"implicit inversion",
-             [this](std::size_t k) {
-               last_.emplace(method_(states_[k].q, states_[k].qd, workspace_));
-             },
+             [this](std::size_t k) { last_.emplace(method_(states_[k].q, states_[k].qd, workspace_)); },
              [this] { return Result{last_->qdd0, last_->Bhat}; }}};
   }
 

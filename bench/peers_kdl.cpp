@@ -6,10 +6,10 @@
 #include "peers.hpp"
 #include "peers_worker.hpp"
 
+#include <kdl/config.h>
 #include <kdl/chain.hpp>
 #include <kdl/chaindynparam.hpp>
 #include <kdl/chainidsolver_recursive_newton_euler.hpp>
-#include <kdl/config.h>
 
 #include <Eigen/Cholesky>
 
@@ -25,15 +25,15 @@ KDL::Chain chain(const Model& model)
   KDL::Chain chain;
   for (const Joint& joint : model.joints) {
     const Matrix3d& R = joint.R;
-    const KDL::Frame place(KDL::Rotation(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)),
-                           vector(joint.p));
+    const KDL::Frame place(
+        KDL::Rotation(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)),
+        vector(joint.p));
     const Matrix3d& I = joint.inertia;
-    const KDL::RigidBodyInertia inertia(
-        joint.mass, vector(joint.com),
-        KDL::RotationalInertia(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)));
+    const KDL::RigidBodyInertia inertia(joint.mass, vector(joint.com),
+                                        KDL::RotationalInertia(I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)));
     const auto type = joint.kind == JointKind::revolute ? KDL::Joint::RotAxis : KDL::Joint::TransAxis;
-    chain.addSegment(KDL::Segment(joint.name, KDL::Joint(joint.name, place.p, place.M * vector(joint.axis), type), place,
-                                  inertia));
+    chain.addSegment(
+        KDL::Segment(joint.name, KDL::Joint(joint.name, place.p, place.M * vector(joint.axis), type), place, inertia));
   }
   return chain;
 }
@@ -90,11 +90,13 @@ private:
 int main(int argc, char** argv)
 {
   using namespace peers;
-  return serve({"Orocos KDL", KDL_VERSION_STRING,
-    [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
-      if (!model.is_chain() || model.joints.front().kind == JointKind::floating || !model.contacts.empty()) {
-        return nullptr;
-      }
-      return std::make_unique<KdlPeer>(model, states);
-    }}, argc, argv);
+  return serve(
+      {"Orocos KDL", KDL_VERSION_STRING,
+       [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+         if (!model.is_chain() || model.joints.front().kind == JointKind::floating || !model.contacts.empty()) {
+           return nullptr;
+         }
+         return std::make_unique<KdlPeer>(model, states);
+       }},
+      argc, argv);
 }

@@ -78,7 +78,9 @@ inline Model describe(const Case& scene)
       if (frame.name == name) { model.contacts.push_back({name, index.at(frame.on.parent), frame.on.p}); }
     }
   }
-  if (model.contacts.size() != scene.contacts.size()) { throw std::invalid_argument(scene.name + ": a contact is missing"); }
+  if (model.contacts.size() != scene.contacts.size()) {
+    throw std::invalid_argument(scene.name + ": a contact is missing");
+  }
   return model;
 }
 

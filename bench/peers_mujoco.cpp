@@ -41,7 +41,8 @@ Eigen::Vector4d quaternion(const Matrix3d& R)
 std::string mjcf(const Model& model)
 {
   std::ostringstream xml;
-  xml << "<mujoco><compiler angle='radian' inertiafromgeom='false' balanceinertia='false' boundmass='0' boundinertia='0'/>"
+  xml << "<mujoco><compiler angle='radian' inertiafromgeom='false' balanceinertia='false' boundmass='0' "
+         "boundinertia='0'/>"
       << "<option gravity='" << numbers(model.gravity) << "'/><worldbody>";
   std::vector<int> open;
   for (std::size_t k = 0; k < model.joints.size(); ++k) {
@@ -81,7 +82,8 @@ using DataPointer = std::unique_ptr<mjData, DataDeleter>;
 
 ModelPointer load(const Model& from)
 {
-  const auto path = std::filesystem::temp_directory_path() / ("iim_peers_" + std::to_string(std::random_device{}()) + ".xml");
+  const auto path =
+      std::filesystem::temp_directory_path() / ("iim_peers_" + std::to_string(std::random_device{}()) + ".xml");
   std::ofstream(path) << mjcf(from);
   char error[512] = "";
   ModelPointer model(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
@@ -96,7 +98,9 @@ public:
       : from_(model), model_(load(model)), data_(mj_makeData(model_.get())), states_(states),
         right_(RowMatrix::Zero(model.columns() + 1, model.n_v)), solved_(model.columns() + 1, model.n_v)
   {
-    if (model_->nv != model.n_v || model_->nq != model.n_q) { throw std::runtime_error("another number of velocities"); }
+    if (model_->nv != model.n_v || model_->nq != model.n_q) {
+      throw std::runtime_error("another number of velocities");
+    }
     for (std::size_t c = 0; c < model.motors.size(); ++c) { right_(static_cast<Index>(c) + 1, model.motors[c]) = 1; }
     for (const Contact& contact : model.contacts) {
       const std::string& body = model.joints[static_cast<std::size_t>(contact.joint)].name;
@@ -179,7 +183,8 @@ int main(int argc, char** argv)
 {
   using namespace peers;
   return serve({"MuJoCo", mj_versionString(),
-    [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
-      return std::make_unique<MujocoPeer>(model, states);
-    }}, argc, argv);
+                [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+                  return std::make_unique<MujocoPeer>(model, states);
+                }},
+               argc, argv);
 }

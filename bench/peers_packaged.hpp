@@ -1,6 +1,6 @@
 // Before Eigen in the adapter of a library that has Eigen in its binary interface and comes as a package: such packages
-// are compiled for the oldest processor of the architecture, where Eigen aligns memory to 16 bytes. With the macros of a
-// newer one Eigen would align to 32 or 64, and take memory apart differently than the library put it together.
+// are compiled for the oldest processor of the architecture, where Eigen aligns memory to 16 bytes. With the macros of
+// a newer one Eigen would align to 32 or 64, and take memory apart differently than the library put it together.
 #pragma once
 
 #if defined(EIGEN_WORLD_VERSION)

@@ -178,8 +178,9 @@ int main(int argc, char** argv)
 {
   using namespace peers;
   return serve({"Pinocchio", PINOCCHIO_VERSION,
-    [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
-      if (model.n_v > 600) { throw std::runtime_error("its Data takes four tensors of n³ numbers, 32 GB"); }
-      return std::make_unique<PinocchioPeer>(model, states);
-    }}, argc, argv);
+                [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+                  if (model.n_v > 600) { throw std::runtime_error("its Data takes four tensors of n³ numbers, 32 GB"); }
+                  return std::make_unique<PinocchioPeer>(model, states);
+                }},
+               argc, argv);
 }

@@ -29,8 +29,8 @@ struct Row {
   std::string model;
   int n = 0;
   int m = 0;
-  double condition = 0;             ///< of M, the worst of the states that were compared
-  std::vector<Measured> measured;   ///< the first is iim
+  double condition = 0;            ///< of M, the worst of the states that were compared
+  std::vector<Measured> measured;  ///< the first is iim
   std::vector<std::string> remarks;
 
   double ours() const { return measured.front().seconds.median; }
@@ -102,7 +102,7 @@ inline bench::Table several_at_once(const std::vector<Row>& rows, const std::vec
 inline bench::Table generated_code(const std::vector<Row>& rows, const std::string& measure)
 {
   struct Published {
-    const char* model;  // of ours, with as many joints
+    const char* model;     // of ours, with as many joints
     double code, library;  // [s]
   };
   bench::Table table({"model", "published [µs]", measure + " there [µs]", measure + " here [µs]", "code here [µs]",
@@ -162,7 +162,8 @@ inline bool draw(const std::vector<Row>& rows, const std::vector<std::string>& l
         << "set title 'q̈₀ and B̂: time of other libraries in times of iim (logarithmic)'\n"
         << "set output '" << (folder / "peers.svg").string() << "'\n"
         << "set style data histograms\nset style histogram clustered gap 1.5\nset style fill solid 0.9 noborder\n"
-        << "set logscale y 2\nset xrange [-0.8:*]\nset yrange [0.5:*]\nset grid ytics\nset xtics rotate by -40 nomirror scale 0 font 'sans,11'\n"
+        << "set logscale y 2\nset xrange [-0.8:*]\nset yrange [0.5:*]\nset grid ytics\nset xtics rotate by -40 "
+           "nomirror scale 0 font 'sans,11'\n"
         << "set ylabel 'time of the best path / time of iim'\nset key outside top center horizontal\n"
         << "$ratios << END\n\"model\"";
     for (const std::string& library : libraries) { out << " \"" << library << '"'; }

@@ -35,7 +35,9 @@ public:
     return {{std::to_string(Several::lanes) + " states at once",
              [this](std::size_t k) {
                last_ = static_cast<Index>(k);
-               if (last_ % Several::lanes == 0) { evaluate(last_, [](const auto& dynamics) { keep(dynamics); }); }
+               if (last_ % Several::lanes == 0) {
+                 evaluate(last_, [](const auto& dynamics) { keep(dynamics); });
+               }
              },
              [this] {
                Result result;

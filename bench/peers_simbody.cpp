@@ -11,7 +11,10 @@
 // finds too many. This one is closer than any of them.
 namespace SimTK {
 template <class Index>
-  requires requires { Index::Invalid(); Index().isValid(); }
+  requires requires {
+    Index::Invalid();
+    Index().isValid();
+  }
 bool operator==(const Index& a, const Index& b)
 {
   return static_cast<int>(a) == static_cast<int>(b);
@@ -53,14 +56,15 @@ st::Rotation rotation_to(const Vector3d& axis, int k)
 class SimbodyPeer : public Peer {
 public:
   SimbodyPeer(const Model& model, const std::vector<State>& states)
-      : from_(model), matter_(system_), forces_(system_), gravity_(forces_, matter_, vec3(model.gravity)), states_(states)
+      : from_(model), matter_(system_), forces_(system_), gravity_(forces_, matter_, vec3(model.gravity)),
+        states_(states)
   {
     for (const Joint& joint : model.joints) {
       const st::Inertia central(st::SymMat33(st::Mat33(mat33(joint.inertia))));
       const st::Vec3 com = vec3(joint.com);
       const st::Body::Rigid body(st::MassProperties(joint.mass, com, central.shiftFromMassCenter(com, joint.mass)));
-      st::MobilizedBody& parent =
-          joint.parent < 0 ? static_cast<st::MobilizedBody&>(matter_.updGround()) : bodies_[static_cast<std::size_t>(joint.parent)];
+      st::MobilizedBody& parent = joint.parent < 0 ? static_cast<st::MobilizedBody&>(matter_.updGround())
+                                                   : bodies_[static_cast<std::size_t>(joint.parent)];
       const st::Rotation R = rotation(joint.R);
       if (joint.kind == JointKind::floating) {
         bodies_.push_back(st::MobilizedBody::Free(parent, st::Transform(R, vec3(joint.p)), body, st::Transform()));
@@ -115,7 +119,8 @@ public:
 
   std::vector<Path> paths() override
   {
-    return {{"realize acceleration, multiplyByMInv", [this](std::size_t k) { compute(k); }, [this] { return result(); }}};
+    return {
+        {"realize acceleration, multiplyByMInv", [this](std::size_t k) { compute(k); }, [this] { return result(); }}};
   }
 
 private:
@@ -206,7 +211,8 @@ int main(int argc, char** argv)
 {
   using namespace peers;
   return serve({"Simbody", version(),
-    [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
-      return std::make_unique<SimbodyPeer>(model, states);
-    }}, argc, argv);
+                [](const Model& model, const std::vector<State>& states) -> std::unique_ptr<Peer> {
+                  return std::make_unique<SimbodyPeer>(model, states);
+                }},
+               argc, argv);
 }

@@ -27,8 +27,8 @@ int main(int argc, char** argv)
     options.base = argv[2] == std::string("floating") ? iim::Base::floating : iim::Base::fixed;
     options.transmissions = false;  // inputs are joint torques, the same for all libraries
     options.mimic = iim::Mimic::independent;
-    model = peers::describe({std::filesystem::path(argv[1]).stem().string(),
-                             iim::load_urdf<double>(argv[1], options).assembly});
+    model = peers::describe(
+        {std::filesystem::path(argv[1]).stem().string(), iim::load_urdf<double>(argv[1], options).assembly});
   } catch (const std::exception& thrown) {
     failure = thrown.what();
   }

@@ -1,5 +1,5 @@
-// What the comparison and an adapter's program say to each other over a pair of pipes. Same machine, same types: numbers
-// go as they lie in memory.
+// What the comparison and an adapter's program say to each other over a pair of pipes. Same machine, same types:
+// numbers go as they lie in memory.
 #pragma once
 
 #include "peers.hpp"
@@ -76,8 +76,8 @@ public:
       put(joint.name);
       for (const int x : {joint.parent, static_cast<int>(joint.kind), joint.q, joint.v}) { put(x); }
       put(joint.mass);
-      for (const MatrixXd& A : {MatrixXd(joint.R), MatrixXd(joint.p), MatrixXd(joint.axis), MatrixXd(joint.com),
-                                MatrixXd(joint.inertia)}) {
+      for (const MatrixXd& A :
+           {MatrixXd(joint.R), MatrixXd(joint.p), MatrixXd(joint.axis), MatrixXd(joint.com), MatrixXd(joint.inertia)}) {
         put(A);
       }
     }

@@ -1,5 +1,6 @@
-// The program of one adapter. A process of its own, because libraries from packages are compiled for the oldest processor
-// of the architecture, where Eigen lays out memory differently, and because a library may end the process that it is in.
+// The program of one adapter. A process of its own, because libraries from packages are compiled for the oldest
+// processor of the architecture, where Eigen lays out memory differently, and because a library may end the process
+// that it is in.
 #pragma once
 
 #include "peers.hpp"

@@ -65,7 +65,8 @@ struct State {
   }
 };
 
-/// x rounded to a number that `float` holds. By way of memory: g++ 12 with -O3 and AVX-512 drops the rounding of four at once.
+/// x rounded to a number that `float` holds. By way of memory: g++ 12 with -O3 and AVX-512 drops the rounding of four
+/// at once.
 inline double to_float(double x)
 {
   const volatile float rounded = static_cast<float>(x);

@@ -24,14 +24,15 @@ using bench::three_digits;
 void write(const std::vector<bench::SeveralTimes>& all, double peak_double, double peak_float, bench::Report& report)
 {
   report.title("Several states at once");
-  report.paragraph(std::string(bench::processor()) + "; " + iim_build::compiler + "; " + iim_build::flags + "; commit " +
-                   iim_build::commit + "; " + bench::date() + ".");
-  report.paragraph("Medians, µs per state, 512 random states, the paths taking turns, one pinned core. «Lanes»: results stay "
-                   "one state per lane; «matrices»: each state's B̂ as a matrix of its own. Operations are counted with a "
-                   "counting Scalar, sin, cos, sqrt and divisions as one. Peak of fused multiply-adds in this run: double " +
-                   three_digits(peak_double * 1e-9) + ", float " + three_digits(peak_float * 1e-9) + " Gflop/s.");
-  bench::Table table({"model", "Scalar", "what", "operations", "one by one", "lanes", "ratio", "of peak", "matrices", "ratio",
-                      "apart [ε]"});
+  report.paragraph(std::string(bench::processor()) + "; " + iim_build::compiler + "; " + iim_build::flags +
+                   "; commit " + iim_build::commit + "; " + bench::date() + ".");
+  report.paragraph(
+      "Medians, µs per state, 512 random states, the paths taking turns, one pinned core. «Lanes»: results stay "
+      "one state per lane; «matrices»: each state's B̂ as a matrix of its own. Operations are counted with a "
+      "counting Scalar, sin, cos, sqrt and divisions as one. Peak of fused multiply-adds in this run: double " +
+      three_digits(peak_double * 1e-9) + ", float " + three_digits(peak_float * 1e-9) + " Gflop/s.");
+  bench::Table table({"model", "Scalar", "what", "operations", "one by one", "lanes", "ratio", "of peak", "matrices",
+                      "ratio", "apart [ε]"});
   for (const bench::SeveralTimes& t : all) {
     const double peak = t.scalar == "double" ? peak_double : peak_float;
     const auto us = [](const bench::Spread& s) { return three_digits(s.median * 1e6); };
@@ -39,8 +40,8 @@ void write(const std::vector<bench::SeveralTimes>& all, double peak_double, doub
     const auto of_peak = [&](double operations, const bench::Spread& s) {
       return three_digits(100 * operations / s.median / peak) + " %";
     };
-    table.add({t.model, t.scalar + " × " + std::to_string(t.lanes), "q̈₀ and B̂", three_digits(t.operations), us(t.single),
-               us(t.packs), ratio(t.single, t.packs), of_peak(t.operations, t.packs), us(t.matrices),
+    table.add({t.model, t.scalar + " × " + std::to_string(t.lanes), "q̈₀ and B̂", three_digits(t.operations),
+               us(t.single), us(t.packs), ratio(t.single, t.packs), of_peak(t.operations, t.packs), us(t.matrices),
                ratio(t.single, t.matrices), three_digits(t.worst)});
     table.add({t.model, t.scalar + " × " + std::to_string(t.lanes), "q̈ for u", three_digits(t.operations_with_u),
                us(t.single_with_u), us(t.several_with_u), ratio(t.single_with_u, t.several_with_u),
@@ -57,7 +58,8 @@ bench::Table measure_all_cores(int rounds)
   for (const peers::Model& model : bench::several_models()) {
     for (const bool in_double : {true, false}) {
       double one = 0;
-      for (int threads = 1; threads <= cores && cores > 1; threads = threads < cores ? std::min(2 * threads, cores) : cores + 1) {
+      for (int threads = 1; threads <= cores && cores > 1;
+           threads = threads < cores ? std::min(2 * threads, cores) : cores + 1) {
         const bench::Spread s = in_double ? bench::measure_cores<double>(model, threads, rounds)
                                           : bench::measure_cores<float>(model, threads, rounds);
         const double rate = threads / s.median;
@@ -77,8 +79,9 @@ void write_cores(const bench::Table& table, bench::Report& report)
     report.paragraph("Not measured: this run had one core, or was built without OpenMP.");
     return;
   }
-  report.paragraph("q̈₀ and B̂, results in lanes, 512 states on every thread; OpenMP, a SeveralStates per thread. Millions of states "
-                   "per second, and how often as many as with one thread.");
+  report.paragraph(
+      "q̈₀ and B̂, results in lanes, 512 states on every thread; OpenMP, a SeveralStates per thread. Millions of states "
+      "per second, and how often as many as with one thread.");
   report.table(table);
 }
 

@@ -51,7 +51,8 @@ double peak()
   return 2.0 * chains * steps * Pack::size / best;
 }
 
-/// A model with its inputs and a pool of random states, a column each; refers to itself and therefore stays where it is.
+/// A model with its inputs and a pool of random states, a column each; refers to itself and therefore stays where it
+/// is.
 template <class Scalar>
 struct SeveralScene {
   using Tree = bench::Tree<Scalar>;
@@ -59,8 +60,8 @@ struct SeveralScene {
 
   explicit SeveralScene(const peers::Model& model)
       : in_double(peers::assembly(model)), assembly(in_double.template cast<Scalar>()), tree(assembly),
-        inputs(peers::choose_inputs(peers::Tree(in_double), model).on(tree)), q(tree.n_q(), count), qd(tree.n_v(), count),
-        u(inputs.columns(), count)
+        inputs(peers::choose_inputs(peers::Tree(in_double), model).on(tree)), q(tree.n_q(), count),
+        qd(tree.n_v(), count), u(inputs.columns(), count)
   {
     const auto pool = random_states(tree, inputs.columns(), count, 4711);
     for (Index k = 0; k < count; ++k) {

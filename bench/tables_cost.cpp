@@ -41,8 +41,8 @@ double heap_in_use()
 #endif
 }
 
-/// Implicit inversion after a pass that is over. In one call with it, part of either runs in the other's waiting, and a difference
-/// of times is not what B̂ takes.
+/// Implicit inversion after a pass that is over. In one call with it, part of either runs in the other's waiting, and a
+/// difference of times is not what B̂ takes.
 class ApartFromPass {
 public:
   ApartFromPass(const Tree<double>& tree, const iim::Inputs<Tree<double>>& inputs) : method_(tree, inputs) {}

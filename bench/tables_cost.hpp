@@ -1,4 +1,5 @@
-// How the cost grows with the number of links and inputs, and what memory it takes: beyond the sizes of the paper's study.
+// How the cost grows with the number of links and inputs, and what memory it takes: beyond the sizes of the paper's
+// study.
 #pragma once
 
 #include "statistics.hpp"

@@ -23,7 +23,7 @@ namespace {
 /// A row of scenes with one abscissa: n or m.
 struct Series {
   std::vector<SceneId> scenes;
-  Index SceneId::*abscissa;
+  Index SceneId::* abscissa;
 };
 
 class Analysis {
@@ -89,7 +89,8 @@ public:
         }
       }
       if (best->method != last) {
-        words += (last.empty() ? "" : ", ") + std::string("from ") + std::to_string(scene.*series.abscissa) + ' ' + best->method;
+        words += (last.empty() ? "" : ", ") + std::string("from ") + std::to_string(scene.*series.abscissa) + ' ' +
+                 best->method;
         last = best->method;
       }
     }
@@ -129,7 +130,8 @@ Table scene_table(const Analysis& analysis, const SceneId& scene, const Sayings&
     const auto said = paper.find(method.id);
     table.add({method.name, std::to_string(scene.n), std::to_string(method.gives_Bhat ? scene.m : 0),
                three_digits(r.time.median), three_digits(r.time.lower) + " – " + three_digits(r.time.upper),
-               times(r.ratio), magnitude(r.error_Bhat), magnitude(r.error_qdd0), said == paper.end() ? "" : said->second});
+               times(r.ratio), magnitude(r.error_Bhat), magnitude(r.error_qdd0),
+               said == paper.end() ? "" : said->second});
   }
   return table;
 }
@@ -181,8 +183,8 @@ Table input_table(const Analysis& analysis, const Series& series, const Sayings&
     if (!method.gives_Bhat) { continue; }
     const auto said = paper.find(method.id);
     table.add({method.name, three_digits(analysis.time(first, method.id)), three_digits(analysis.time(last, method.id)),
-               three_digits(analysis.per_input(series, method.id)), percent(analysis.percent_per_input(series, method.id)),
-               said == paper.end() ? "" : said->second});
+               three_digits(analysis.per_input(series, method.id)),
+               percent(analysis.percent_per_input(series, method.id)), said == paper.end() ? "" : said->second});
   }
   return table;
 }
@@ -209,9 +211,12 @@ Table topology_table(const Analysis& analysis, const Sayings& paper)
 /// What the paper's text says, and what was measured here.
 Table statements(const Analysis& analysis)
 {
-  const auto ratio = [&](const SceneId& scene, const char* method) { return times(analysis.record(scene, method).ratio); };
+  const auto ratio = [&](const SceneId& scene, const char* method) {
+    return times(analysis.record(scene, method).ratio);
+  };
   const auto topology = [&](const char* method) {
-    return times(analysis.time({"tree", longest, longest}, method) / analysis.time({"chain", longest, longest}, method));
+    return times(analysis.time({"tree", longest, longest}, method) /
+                 analysis.time({"chain", longest, longest}, method));
   };
   const SceneId single{"chain", longest, 1};
   const SceneId full{"chain", longest, longest};
@@ -223,15 +228,13 @@ Table statements(const Analysis& analysis)
                  analysis.faster(analysis.single, floor_of_all, "global_dense")});
   table.add({"Fig. 3 (a)", "one input: all alike up to about 18 DOF, from there IIM faster than the global inverse",
              "IIM faster for " + analysis.faster(analysis.single, product, "global_dense") +
-                 "; at n = 50 the global inverse takes " +
-                 ratio(single, "global_dense")});
+                 "; at n = 50 the global inverse takes " + ratio(single, "global_dense")});
   table.add({"Fig. 3 (a)", "one input: IIM marginally faster than unit forces up to 50 DOF",
-             "at n = 50 unit forces take " + ratio(single, "unit_published") + " as published, " + ratio(single, "unit") +
-                 " on the workspace"});
+             "at n = 50 unit forces take " + ratio(single, "unit_published") + " as published, " +
+                 ratio(single, "unit") + " on the workspace"});
   table.add({"Fig. 3 (b)", "fully actuated: IIM faster than the global inverse from 18–19 DOF",
              "IIM faster for " + analysis.faster(analysis.full, product, "global_dense") +
-                 "; at n = 50 the global inverse takes " +
-                 ratio(full, "global_dense")});
+                 "; at n = 50 the global inverse takes " + ratio(full, "global_dense")});
   table.add({"Fig. 3 (b)", "fully actuated: the cost of unit forces is prohibitive",
              "at n = 50 unit forces take " + ratio(full, "unit_published") + " as published, " + ratio(full, "unit") +
                  " on the workspace"});
@@ -239,7 +242,8 @@ Table statements(const Analysis& analysis)
              percent(analysis.percent_per_input(analysis.chain_inputs, product)) + ", " +
                  percent(analysis.percent_per_input(analysis.chain_inputs, "global_dense")) + ", " +
                  percent(analysis.percent_per_input(analysis.chain_inputs, "unit_published"))});
-  table.add({"Table 2", "tree: the global inverse slightly faster than on the chain, IIM and unit forces as on the chain",
+  table.add({"Table 2",
+             "tree: the global inverse slightly faster than on the chain, IIM and unit forces as on the chain",
              "tree to chain, n = m = 50: global inverse " + topology("global_dense") + ", IIM " + topology(product) +
                  ", unit forces " + topology("unit_published")});
   table.add({"Table 3", "biped: IIM slightly faster than the global inverse, unit forces slowest",
@@ -300,7 +304,8 @@ std::vector<Figure> figures(const Analysis& analysis)
 
 void write_csv(const Records& records, std::ostream& out)
 {
-  out << "model,n,m,method,median_us,lower_quartile_us,upper_quartile_us,repetitions,ratio_to_iim,error_Bhat,error_qdd0\n";
+  out << "model,n,m,method,median_us,lower_quartile_us,upper_quartile_us,repetitions,ratio_to_iim,error_Bhat,error_"
+         "qdd0\n";
   for (const Record& r : records.all) {
     out << r.scene.model << ',' << r.scene.n << ',' << r.scene.m << ',' << r.method << ',' << r.time.median << ','
         << r.time.lower << ',' << r.time.upper << ',' << r.time.count << ',' << r.ratio << ',';
@@ -323,8 +328,8 @@ Table circumstances_table(const Effort& effort, const Circumstances& at)
   table.add({"Eigen", iim_build::eigen});
   table.add({"repetitions", std::to_string(effort.repetitions) + " of about " + text("%g ms", 1e3 * effort.min_time) +
                                 " per method and scene, in random order within a scene"});
-  table.add({"states", std::to_string(effort.states) + " random ones in turn; " + std::to_string(effort.reference_states) +
-                           " of them compared with 50 digits"});
+  table.add({"states", std::to_string(effort.states) + " random ones in turn; " +
+                           std::to_string(effort.reference_states) + " of them compared with 50 digits"});
   table.add({"duration", text("%.0f s", at.seconds)});
   return table;
 }
@@ -332,7 +337,8 @@ Table circumstances_table(const Effort& effort, const Circumstances& at)
 }  // namespace
 
 void write_report(const Records& records, const std::vector<Method>& methods, const Effort& effort,
-                  const CostOfGrowth& cost, const Circumstances& circumstances, const std::filesystem::path& folder, std::ostream& terminal)
+                  const CostOfGrowth& cost, const Circumstances& circumstances, const std::filesystem::path& folder,
+                  std::ostream& terminal)
 {
   const Analysis analysis(records, methods, effort);
   const auto open = [&](const char* name) {
@@ -351,13 +357,15 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
 
   report.title("q̈₀ and B̂: the paper's study");
   report.table(circumstances_table(effort, circumstances));
-  report.paragraph("Times are processor times of one evaluation of q̈₀ and B̂ from (q, q̇), everything included: medians "
-                   "and quartiles over repetitions. “To IIM” is the ratio to implicit inversion in the same scene of this "
-                   "run. Errors are relative, in the Frobenius norm, the worst of the states compared. The paper measured "
-                   "Matlab programs on another processor; its text gives no run times, only the statements beside ours.");
+  report.paragraph(
+      "Times are processor times of one evaluation of q̈₀ and B̂ from (q, q̇), everything included: medians "
+      "and quartiles over repetitions. “To IIM” is the ratio to implicit inversion in the same scene of this "
+      "run. Errors are relative, in the Frobenius norm, the worst of the states compared. The paper measured "
+      "Matlab programs on another processor; its text gives no run times, only the statements beside ours.");
   if (!drawn) {
-    report.paragraph("No figures: gnuplot is absent or failed. The files *.gp hold drawing and data; `gnuplot NAME.gp` "
-                     "draws one.");
+    report.paragraph(
+        "No figures: gnuplot is absent or failed. The files *.gp hold drawing and data; `gnuplot NAME.gp` "
+        "draws one.");
   }
 
   report.section("Methods");
@@ -373,8 +381,9 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
   image("fig3a", "run time over n, one input");
   image("fig3a_ratio", "run time to implicit inversion over n, one input");
   report.table(length_table(analysis, analysis.single));
-  report.paragraph("Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
-                   "at about 18):");
+  report.paragraph(
+      "Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
+      "at about 18):");
   report.table(break_even_table(analysis, analysis.single));
   report.paragraph("The fastest of all, by n: " + analysis.fastest(analysis.single) + ".");
 
@@ -382,8 +391,9 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
   image("fig3b", "run time over n, n inputs");
   image("fig3b_ratio", "run time to implicit inversion over n, n inputs");
   report.table(length_table(analysis, analysis.full));
-  report.paragraph("Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
-                   "at 18–19):");
+  report.paragraph(
+      "Where the method of the row is faster than that of the column (the paper: IIM and global inverse meet "
+      "at 18–19):");
   report.table(break_even_table(analysis, analysis.full));
   report.paragraph("The fastest of all, by n: " + analysis.fastest(analysis.full) + ".");
 
@@ -396,7 +406,8 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
 
   report.section("Table 2: complete binary tree");
   image("table2", "run time over m on the binary tree");
-  report.table(topology_table(analysis, {{product, "as on the chain"}, {"global_dense", "slightly faster than on the chain"},
+  report.table(topology_table(analysis, {{product, "as on the chain"},
+                                         {"global_dense", "slightly faster than on the chain"},
                                          {"unit_published", "as on the chain"}}));
   report.table(input_table(analysis, analysis.tree_inputs, {}));
   for (const Index m : {Index(1), longest}) { report.table(scene_table(analysis, {"tree", longest, m}, {})); }
@@ -404,9 +415,10 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
   for (const Index m : {Index(1), full_tree}) { report.table(scene_table(analysis, {"tree", full_tree, m}, {})); }
 
   report.section("Table 3: biped, 20 degrees of freedom, 14 motors and 8 contact points");
-  report.table(scene_table(analysis, {"biped", 20, 38}, {{product, "slightly faster than the global inverse"},
-                                                         {"global_dense", "slightly slower than IIM"},
-                                                         {"unit_published", "slowest"}}));
+  report.table(scene_table(analysis, {"biped", 20, 38},
+                           {{product, "slightly faster than the global inverse"},
+                            {"global_dense", "slightly slower than IIM"},
+                            {"unit_published", "slowest"}}));
 
   report.section("How the cost grows");
   report.table(cost_table(cost));

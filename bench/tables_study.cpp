@@ -36,9 +36,7 @@ public:
   {
     json_.ReportRuns(runs);
     for (const Run& run : runs) {
-      if (run.run_type == Run::RT_Iteration) {
-        times_[run.run_name.function_name].push_back(run.GetAdjustedCPUTime());
-      }
+      if (run.run_type == Run::RT_Iteration) { times_[run.run_name.function_name].push_back(run.GetAdjustedCPUTime()); }
     }
   }
 
@@ -158,7 +156,9 @@ Records measure(const std::vector<Method>& methods, const Effort& effort, std::o
       records.all.push_back(record);
     }
     const double unit = records.find(id, product)->time.median;
-    for (std::size_t k = first; k < records.all.size(); ++k) { records.all[k].ratio = records.all[k].time.median / unit; }
+    for (std::size_t k = first; k < records.all.size(); ++k) {
+      records.all[k].ratio = records.all[k].time.median / unit;
+    }
     done += weight(id, effort);
   }
   collector.close();

@@ -17,16 +17,16 @@ struct Options {
 
 /// How much is measured.
 struct Effort {
-  int repetitions;      ///< per method and scene
-  double min_time;      ///< of one repetition [s]
-  int states;           ///< in the pool
-  int reference_states;  ///< of these that are compared with the reference
+  int repetitions;             ///< per method and scene
+  double min_time;             ///< of one repetition [s]
+  int states;                  ///< in the pool
+  int reference_states;        ///< of these that are compared with the reference
   std::vector<Index> chain_n;  ///< Fig. 3
   std::vector<Index> inputs;   ///< Fig. 4, Table 2
 };
 
-inline constexpr Index longest = 50;     ///< links of Fig. 4 and Table 1
-inline constexpr Index full_tree = 63;   ///< the complete binary tree with all its levels full
+inline constexpr Index longest = 50;    ///< links of Fig. 4 and Table 1
+inline constexpr Index full_tree = 63;  ///< the complete binary tree with all its levels full
 
 /// One method on one scene.
 struct Record {

@@ -1,8 +1,8 @@
 // PROGRAM: iim_types
 // What a modelling choice costs: operations and time of every type of subsystem; the legged machine by all methods.
+#include "types.hpp"
 #include "machine.hpp"
 #include "report.hpp"
-#include "types.hpp"
 
 #include <iim_build_info.hpp>
 
@@ -57,8 +57,8 @@ std::string of_column(const bench::Cost& column, const std::string& text)
 
 bench::Table table_of_types(bool quick)
 {
-  bench::Table table({"subsystem", "n_i", "q̈₀: products", "sums", "√, sin …", "time [ns]", "column of B̂: products", "sums",
-                      "time [ns]"});
+  bench::Table table({"subsystem", "n_i", "q̈₀: products", "sums", "√, sin …", "time [ns]", "column of B̂: products",
+                      "sums", "time [ns]"});
   for (auto* costs : {bench::costs_of_joints, bench::costs_of_drives, bench::costs_of_loops}) {
     for (const bench::TypeCost& cost : costs(quick)) {
       std::cerr << cost.name << '\n';
@@ -88,20 +88,24 @@ void run(const Options& options)
                    iim_build::flags + ", Eigen " + iim_build::eigen + "; iim " + iim_build::commit + ".");
   report.section("By type of subsystem");
   report.paragraph(
-      "What one more subsystem in a chain of its kind adds, a tenth of the difference between chains of twelve and of two: "
+      "What one more subsystem in a chain of its kind adds, a tenth of the difference between chains of twelve and of "
+      "two: "
       "to the O(n) pass with q̈₀, and to each column of B̂ by implicit inversion. Products include divisions; most go "
       "with a sum into a multiply-add. Times are medians over 16 states.");
   report.table(table_of_types(options.quick));
 
   const bench::LeggedReport legged = bench::legged_report(options.quick);
   report.section("A legged machine");
-  report.paragraph("Floating base, elastic hips, four-bar knees, ankles on push-rods: " + std::to_string(legged.subsystems) +
-                   " subsystems, " + std::to_string(legged.n_v) + " velocities, " + std::to_string(legged.columns) +
-                   " inputs with eight contacts. Largest error of a row in 64 states, against the same robot in long "
-                   "double, which is certain to " + bench::magnitude(legged.doubt) + "; median time for q̈₀ and B̂.");
+  report.paragraph(
+      "Floating base, elastic hips, four-bar knees, ankles on push-rods: " + std::to_string(legged.subsystems) +
+      " subsystems, " + std::to_string(legged.n_v) + " velocities, " + std::to_string(legged.columns) +
+      " inputs with eight contacts. Largest error of a row in 64 states, against the same robot in long "
+      "double, which is certain to " +
+      bench::magnitude(legged.doubt) + "; median time for q̈₀ and B̂.");
   bench::Table methods({"method", "error of q̈₀", "error of B̂", "time [µs]"});
   for (const bench::LeggedResult& r : legged.methods) {
-    methods.add({r.method, bench::magnitude(r.qdd0_error), bench::magnitude(r.Bhat_error), bench::three_digits(r.microseconds)});
+    methods.add({r.method, bench::magnitude(r.qdd0_error), bench::magnitude(r.Bhat_error),
+                 bench::three_digits(r.microseconds)});
   }
   report.table(methods);
 }

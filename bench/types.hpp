@@ -16,10 +16,10 @@ struct Cost {
 /// What one more subsystem of a type in a chain of them adds.
 struct TypeCost {
   std::string name;
-  long n_i = 0;   ///< internal velocities
-  long n_u = 0;   ///< motors
-  Cost qdd0;      ///< the O(n) pass with q̈₀
-  Cost column;    ///< each column of B̂ by implicit inversion
+  long n_i = 0;  ///< internal velocities
+  long n_u = 0;  ///< motors
+  Cost qdd0;     ///< the O(n) pass with q̈₀
+  Cost column;   ///< each column of B̂ by implicit inversion
 };
 
 /// The machine of examples/legged_machine.hpp, by one method: largest errors of a row of q̈₀ and of B̂ over all states.

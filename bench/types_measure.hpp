@@ -75,8 +75,9 @@ private:
       if (k == 0) { on.outlet = 0; }
       parts.add(std::to_string(k), on, part);
     }
-    parts.add_frame("tip", {std::to_string(length - 1), iim::Matrix3<Scalar>::Identity(),
-                            {Scalar(0.1), Scalar(0), Scalar(0)}, outlet});
+    parts.add_frame(
+        "tip",
+        {std::to_string(length - 1), iim::Matrix3<Scalar>::Identity(), {Scalar(0.1), Scalar(0), Scalar(0)}, outlet});
     return parts;
   }
 
@@ -132,10 +133,9 @@ TypeCost cost_of(const std::string& name, const S& part, bool quick, int outlet 
   }
   TypeChain<S> two(part, outlet, 2), twelve(part, outlet, 12);
   const int repetitions = quick ? 200 : 5000;
-  const double qdd0 =
-      nanoseconds([&] { twelve.qdd0(); }, repetitions) - nanoseconds([&] { two.qdd0(); }, repetitions);
-  const double all = nanoseconds([&] { twelve.six_columns(); }, repetitions) -
-                     nanoseconds([&] { two.six_columns(); }, repetitions);
+  const double qdd0 = nanoseconds([&] { twelve.qdd0(); }, repetitions) - nanoseconds([&] { two.qdd0(); }, repetitions);
+  const double all =
+      nanoseconds([&] { twelve.six_columns(); }, repetitions) - nanoseconds([&] { two.six_columns(); }, repetitions);
   cost.qdd0.nanoseconds = qdd0 / (more * states);
   cost.column.nanoseconds = (all - qdd0) / (6 * more * states);
   return cost;

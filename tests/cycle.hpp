@@ -26,8 +26,8 @@ void in_cycle(const std::string& what, F&& f)
   CHECK(calls.thrown == 0);
 }
 
-/// Robot with everything that a cycle may meet: floating base, motor-arms with rotors on their inlets, branches, points.
-/// `finger`: how many times as heavy as the hand its finger is, on which a wrench acts.
+/// Robot with everything that a cycle may meet: floating base, motor-arms with rotors on their inlets, branches,
+/// points. `finger`: how many times as heavy as the hand its finger is, on which a wrench acts.
 inline StandardAssembly<double> robot(double finger = 1)
 {
   StandardAssembly<double> assembly = models::biped<double>();

@@ -1,5 +1,6 @@
 // Counts calls of malloc and its kin, of operator new and delete, and of __cxa_throw, in the one translation unit of a
-// test. Under a sanitizer that brings its own malloc, or another C library, IIM_COUNTS is not defined and nothing counts.
+// test. Under a sanitizer that brings its own malloc, or another C library, IIM_COUNTS is not defined and nothing
+// counts.
 #pragma once
 
 #include <atomic>
@@ -15,8 +16,8 @@
 #endif
 #if defined(__GLIBC__) && !defined(IIM_OTHER_MALLOC)
 #define IIM_COUNTS 1
-#include <cerrno>
 #include <dlfcn.h>
+#include <cerrno>
 #endif
 
 namespace {

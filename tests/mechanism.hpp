@@ -1,5 +1,5 @@
-// A subsystem with what the library's own types do not have: several frames and velocities, springs, a rotor that rides on
-// a moving frame, a mass on the inlet. And a robot of two of them, on which the methods are compared.
+// A subsystem with what the library's own types do not have: several frames and velocities, springs, a rotor that rides
+// on a moving frame, a mass on the inlet. And a robot of two of them, on which the methods are compared.
 #pragma once
 
 #include <iim/global_inverse.hpp>
@@ -66,11 +66,15 @@ struct Mechanism {
     return cross_rate.cross(cross_rate.cross(p)) - turning.cross(p) - arm_rate.cross(arm_rate.cross(p));
   }
 
-  std::array<CarriedBody<double>, 4> bodies() const { return {{{0, parts[0]}, {1, parts[1]}, {2, parts[2]}, {-1, parts[3]}}}; }
+  std::array<CarriedBody<double>, 4> bodies() const
+  {
+    return {{{0, parts[0]}, {1, parts[1]}, {2, parts[2]}, {-1, parts[3]}}};
+  }
 
   std::array<Rotor<double, 3>, 2> rotors() const
   {
-    return {{{0, Eigen::Vector3d(0.6, 0, 0.8), 2e-4, {0, 40, 0}, true}, {-1, Eigen::Vector3d::UnitY(), 1e-4, {0, 0, 60}, false}}};
+    return {{{0, Eigen::Vector3d(0.6, 0, 0.8), 2e-4, {0, 40, 0}, true},
+             {-1, Eigen::Vector3d::UnitY(), 1e-4, {0, 0, 60}, false}}};
   }
 
   Eigen::Matrix<double, 3, 2> Bbar(const Eigen::Vector3d& q) const
@@ -80,7 +84,10 @@ struct Mechanism {
     return B;
   }
 
-  Eigen::Vector3d internal_force(const Eigen::Vector3d& q, const Eigen::Vector3d& qd) const { return stiffness * q + 0.1 * qd; }
+  Eigen::Vector3d internal_force(const Eigen::Vector3d& q, const Eigen::Vector3d& qd) const
+  {
+    return stiffness * q + 0.1 * qd;
+  }
 };
 static_assert(Subsystem<Mechanism>);
 
@@ -118,7 +125,8 @@ inline constexpr int states = 200;
 inline constexpr double recursive_tolerance = 70 * Eigen::NumTraits<double>::epsilon() * 10;
 inline constexpr double cholesky_tolerance = 1e-10;
 
-inline double difference(const Eigen::Ref<const MatrixX<double>>& value, const Eigen::Ref<const MatrixX<double>>& reference)
+inline double difference(const Eigen::Ref<const MatrixX<double>>& value,
+                         const Eigen::Ref<const MatrixX<double>>& reference)
 {
   return (value - reference).norm() / reference.norm();
 }

@@ -126,16 +126,16 @@ struct RandomRobot {
 struct RandomOptions {
   int fewest = 1;
   int most = 12;
-  double root = 0.12;              ///< chance that a part beyond the first hangs on the world
-  double chain = 0.5;              ///< chance that it hangs on the part before it, else on any
-  double floating_root = 0.5;      ///< chance that a part on the world is a floating base
-  double floating_inside = 0.05;      ///< the same for other parts
-  double motor_arm = 0.4;          ///< chance of a motor-arm among the other types
-  double armature = 0.3;           ///< chance that a motor-arm's rotor is armature only
+  double root = 0.12;             ///< chance that a part beyond the first hangs on the world
+  double chain = 0.5;             ///< chance that it hangs on the part before it, else on any
+  double floating_root = 0.5;     ///< chance that a part on the world is a floating base
+  double floating_inside = 0.05;  ///< the same for other parts
+  double motor_arm = 0.4;         ///< chance of a motor-arm among the other types
+  double armature = 0.3;          ///< chance that a motor-arm's rotor is armature only
   double fixed = 0.1;
   double prismatic = 0.3;
-  bool identity_placements = true; ///< some coupling points without a turn or without an offset
-  double inactive = 0.2;           ///< chance that an input is switched off
+  bool identity_placements = true;  ///< some coupling points without a turn or without an offset
+  double inactive = 0.2;            ///< chance that an input is switched off
 };
 
 inline RandomRobot random_robot(std::uint64_t seed, const RandomOptions& options = {})
@@ -187,7 +187,8 @@ inline RandomRobot random_robot(std::uint64_t seed, const RandomOptions& options
     frames.emplace_back("f" + std::to_string(k), on);
   }
   for (const Planned& part : plan) {
-    const bool has_motor = std::visit([](const auto& s) { return std::remove_cvref_t<decltype(s)>::n_u > 0; }, part.part);
+    const bool has_motor =
+        std::visit([](const auto& s) { return std::remove_cvref_t<decltype(s)>::n_u > 0; }, part.part);
     if (has_motor && random.chance(0.8)) { robot.inputs.push_back({InputKind::motor, part.name}); }
   }
   for (int k = random.below(6); k > 0; --k) {

@@ -34,7 +34,8 @@ struct States {
 
 /// The single-state path for all of them, and whether `several` says the same: statuses exactly, numbers to `limit` ε.
 template <class T>
-void check_agreement(const Inputs<Tree<T>>& inputs, SeveralStates<Tree<T>>& several, const States<T>& states, double limit)
+void check_agreement(const Inputs<Tree<T>>& inputs, SeveralStates<Tree<T>>& several, const States<T>& states,
+                     double limit)
 {
   const Tree<T>& tree = inputs.tree();
   const Index count = states.q.cols(), n = tree.n_v(), m = inputs.columns();

@@ -1,5 +1,6 @@
 // PROGRAM: tests_parallel
-// Inertias that no body can have but a file can give (Body::any_moments): a principal moment above the sum of the other two.
+// Inertias that no body can have but a file can give (Body::any_moments): a principal moment above the sum of the other
+// two.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
@@ -61,7 +62,8 @@ TEST_CASE("a moment above the sum of the others: refused unless the body says so
   Parts refused = robot({0.01, 0.02, 0.2});
   Body<double> body{1, {0, 0, 0}, Vec3(0.01, 0.02, 0.2).asDiagonal()};
   refused.add("lid", {"hand"}, RevoluteLink<double>{{Vec3::UnitX()}, body});
-  CHECK_THROWS_WITH(Tree(refused), Catch::Matchers::ContainsSubstring("'lid'") && Catch::Matchers::ContainsSubstring("sum"));
+  CHECK_THROWS_WITH(Tree(refused),
+                    Catch::Matchers::ContainsSubstring("'lid'") && Catch::Matchers::ContainsSubstring("sum"));
 
   const Tree tree(robot({0.01, 0.02, 0.2}));
   test::Random random(7);

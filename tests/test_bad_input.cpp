@@ -94,24 +94,30 @@ TEST_CASE("topology", "[bad input]")
 {
   check_names(message(Robot()), "no parts");
   check_names(message(Robot().add("arm", on("shoulder"), link())), "'arm'", "'shoulder'", "does not exist");
-  check_names(message(Robot().add("a", on("c"), link()).add("b", on("a"), link()).add("c", on("b"), link())), "'a'", "loop");
+  check_names(message(Robot().add("a", on("c"), link()).add("b", on("a"), link()).add("c", on("b"), link())), "'a'",
+              "loop");
   check_names(message(Robot().add("x", on("world"), link()).add("a", on("a"), link())), "'a'", "loop");
   Attachment<double> third = on("a");
   third.outlet = 3;
-  check_names(message(Robot().add("a", on("world"), link()).add("b", third, link())), "'b'", "outlet 3", "'a'", "has 1");
+  check_names(message(Robot().add("a", on("world"), link()).add("b", third, link())), "'b'", "outlet 3", "'a'",
+              "has 1");
   third.outlet = -1;
   check_names(message(Robot().add("a", on("world"), link()).add("b", third, link())), "'b'", "outlet -1");
   check_names(message_of([] { Robot().add("a", on("world"), link()).add("a", on("world"), arm()); }), "'a'", "twice");
   check_names(message_of([] { Robot().add("a", on("world"), link()).add_frame("a", on("a")); }), "'a'", "twice");
   check_names(message_of([] { Robot().add("world", on("world"), link()); }), "'world'");
   check_names(message_of([] { Robot().add("", on("world"), link()); }), "''");
-  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("b"))), "'tip'", "'b'", "does not exist");
-  CHECK(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", on("tip"), link())) == "no error");
-  check_names(message(Robot().add("b", on("tip"), link()).add_frame("tip", on("top")).add_frame("top", on("tip"))), "'b'", "loop of frames");
+  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("b"))), "'tip'", "'b'",
+              "does not exist");
+  CHECK(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", on("tip"), link())) ==
+        "no error");
+  check_names(message(Robot().add("b", on("tip"), link()).add_frame("tip", on("top")).add_frame("top", on("tip"))),
+              "'b'", "loop of frames");
   check_names(message(Robot().add("a", on("tip"), link()).add_frame("tip", on("a"))), "'a'", "loop");
   third.outlet = 1;
   third.parent = "tip";
-  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", third, link())), "'b'", "'tip'", "has 1");
+  check_names(message(Robot().add("a", on("world"), link()).add_frame("tip", on("a")).add("b", third, link())), "'b'",
+              "'tip'", "has 1");
 }
 
 TEST_CASE("couplings", "[bad input]")
@@ -124,7 +130,7 @@ TEST_CASE("couplings", "[bad input]")
   };
   const Mat3 one = Mat3::Identity();
   CHECK(coupled(one, Vec3(1, 2, 3)) == "no error");
-  check_names(coupled(-one, Vec3::Zero()), "'arm'", "rotation", "-1");             // a reflection
+  check_names(coupled(-one, Vec3::Zero()), "'arm'", "rotation", "-1");  // a reflection
   check_names(coupled(2 * one, Vec3::Zero()), "'arm'", "rotation", "2");
   Mat3 sheared = one;
   sheared(0, 1) = 0.125;
@@ -151,7 +157,8 @@ TEST_CASE("bodies", "[bad input]")
   check_names(with([](auto& body) { body.mass = Inf; }), "'arm'", "mass", "inf");
   check_names(with([](auto& body) { body.com(1) = NaN; }), "'arm'", "centre of mass", "nan");
   check_names(with([](auto& body) { body.inertia(2, 2) = Inf; }), "'arm'", "inertia", "inf");
-  check_names(with([](auto& body) { body.inertia = Vec3(0.25, 1, 2).asDiagonal(); }), "'arm'", "exceeds the sum", "0.25");
+  check_names(with([](auto& body) { body.inertia = Vec3(0.25, 1, 2).asDiagonal(); }), "'arm'", "exceeds the sum",
+              "0.25");
   check_names(with([](auto& body) { body.inertia = Vec3(1, 1, -0.5).asDiagonal(); }), "'arm'", "negative", "-0.5");
   check_names(with([](auto& body) { body.inertia(0, 1) += 0.75; }), "'arm'", "symmetric");
   FloatingBase<double> base{link().body};
@@ -187,15 +194,27 @@ TEST_CASE("axes and motors", "[bad input]")
   check_names(motor([](auto& m) { m.axial_inertia = -0.5; }), "'arm'", "rotor", "-0.5");
   check_names(motor([](auto& m) { m.mass = -0.25; }), "'arm'", "rotor", "-0.25");
   check_names(motor([](auto& m) { m.transverse_inertia = NaN; }), "'arm'", "rotor", "nan");
-  check_names(motor([](auto& m) { m.mass = 1; m.com = Vec3(NaN, 0, 0); }), "'arm'", "rotor", "nan");
+  check_names(motor([](auto& m) {
+                m.mass = 1;
+                m.com = Vec3(NaN, 0, 0);
+              }),
+              "'arm'", "rotor", "nan");
   // A disc has J = 2 J_t; more than that is no body.
-  check_names(motor([](auto& m) { m.mass = 1; m.axial_inertia = 1; m.transverse_inertia = 0.25; }), "'arm'", "rotor", "0.25");
+  check_names(motor([](auto& m) {
+                m.mass = 1;
+                m.axial_inertia = 1;
+                m.transverse_inertia = 0.25;
+              }),
+              "'arm'", "rotor", "0.25");
 }
 
 TEST_CASE("inputs", "[bad input]")
 {
-  const Tree tree(Robot().add("base", on("world"), FloatingBase<double>{link().body}).add("arm", on("base"), arm())
-                      .add_frame("tip", on("arm")).add_frame("floor", on("world")));
+  const Tree tree(Robot()
+                      .add("base", on("world"), FloatingBase<double>{link().body})
+                      .add("arm", on("base"), arm())
+                      .add_frame("tip", on("arm"))
+                      .add_frame("floor", on("world")));
   Inputs inputs(tree, Inputs<Tree>::Start::empty);
   check_names(message_of([&] { inputs.add_motor("leg"); }), "'leg'");
   check_names(message_of([&] { inputs.add_motor("tip"); }), "'tip'");

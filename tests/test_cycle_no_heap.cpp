@@ -56,10 +56,12 @@ TEST_CASE("nothing allocates or throws in the cycle")
   check_workspace_methods(tree, inputs, ws);
   check_method<UnitForce<Tree, 1>>("unit forces one by one", tree, inputs, ws, ToReceipt{});
   check_method<GlobalInverse<Tree, Factorization::dense>>("global inverse, dense", tree, inputs, ws, ToReceipt{});
-  check_method<UnitForcePublished<Tree>>("unit forces as published", tree, inputs, ws,
-                                         [](auto& method, const auto& fd, const auto& q, const auto& qd) { return method(fd, q, qd); });
-  check_method<GlobalInverse<Tree>>("global inverse without the O(n) pass", tree, inputs, ws,
-                                    [&](auto& method, const auto&, const auto& q, const auto& qd) { return method(q, qd, ws); });
+  check_method<UnitForcePublished<Tree>>(
+      "unit forces as published", tree, inputs, ws,
+      [](auto& method, const auto& fd, const auto& q, const auto& qd) { return method(fd, q, qd); });
+  check_method<GlobalInverse<Tree>>(
+      "global inverse without the O(n) pass", tree, inputs, ws,
+      [&](auto& method, const auto&, const auto& q, const auto& qd) { return method(q, qd, ws); });
 }
 
 TEST_CASE("nor on a large robot, where libraries block their products")
@@ -103,7 +105,8 @@ TEST_CASE("a matrix that is not positive definite is a status, not an exception"
   const VectorX<double> q = VectorX<double>::Constant(4, 0.3), qd = VectorX<double>::Constant(4, 0.2);
 
   const auto is_reported = [&](const AffineDynamics<double>& result) {
-    return result.status == Status::not_positive_definite && result.subsystem == 3 && !(result.Bhat(0, 0) == result.Bhat(0, 0));
+    return result.status == Status::not_positive_definite && result.subsystem == 3 &&
+           !(result.Bhat(0, 0) == result.Bhat(0, 0));
   };
   bool handed_on = false, found_sparse = false, found_dense = false;
   in_cycle("massless tip", [&] {

@@ -120,7 +120,8 @@ Pose pose(const Tree& tree, const Vector& q)
     const Placement<Real>& at = tree.placement(node.index);
     Placement<Real> inlet = at;
     if (node.inlet >= 0) {
-      const Placement<Real> parent{pose.R[static_cast<std::size_t>(node.inlet)], pose.p[static_cast<std::size_t>(node.inlet)]};
+      const Placement<Real> parent{pose.R[static_cast<std::size_t>(node.inlet)],
+                                   pose.p[static_cast<std::size_t>(node.inlet)]};
       inlet = parent * at;
     }
     const NodeState<S>& state = ws.template node<S>(node);
@@ -223,7 +224,8 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     at_rest.compute(ws);
     Real weight = 0;
     for (Index f = 0; f < s.tree.n_frames(); ++f) { weight += s.tree.frame_mass(f).mass * s.tree.gravity().norm(); }
-    worst_gravity = std::max(worst_gravity, std::abs(at_rest.h().dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
+    worst_gravity =
+        std::max(worst_gravity, std::abs(at_rest.h().dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
 
     // In free fall q̇ᵀM q̇ is constant: q̇ᵀh = ½ q̇ᵀṀq̇.
     detail::EquationsOfMotion<Tree, Scene{.gravity = false}> falling(s.tree, s.inputs);
@@ -235,8 +237,8 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     const Real scale = s.qd.squaredNorm() * s.qd.norm() * M.norm();
     worst_rate = std::max(worst_rate, std::abs(h.dot(s.qd) - s.qd.dot(rate * s.qd) / 2) / scale);
   }
-  std::cout << "relative differences: kinetic energy " << worst_energy << ", gravity " << worst_gravity << ", rate of M "
-            << worst_rate << "; tolerance " << tolerance << '\n';
+  std::cout << "relative differences: kinetic energy " << worst_energy << ", gravity " << worst_gravity
+            << ", rate of M " << worst_rate << "; tolerance " << tolerance << '\n';
   CHECK(worst_energy < tolerance);
   CHECK(worst_gravity < tolerance);
   CHECK(worst_rate < tolerance);
@@ -278,7 +280,8 @@ TEST_CASE("B is the power of the inputs")
       } else {
         const auto f = static_cast<std::size_t>(input.frame);
         const Twist t = twist(before.R[f], before.p[f], after.R[f], after.p[f], input.point, 2 * delta);
-        const Matrix3<Real> axes = input.axes == Axes::body ? Matrix3<Real>(now.R[f] * input.R) : Matrix3<Real>::Identity();
+        const Matrix3<Real> axes =
+            input.axes == Axes::body ? Matrix3<Real>(now.R[f] * input.R) : Matrix3<Real>::Identity();
         expected.head(3) = axes.transpose() * t.v;
         if (input.kind == InputKind::wrench) { expected.tail(3) = axes.transpose() * t.omega; }
       }

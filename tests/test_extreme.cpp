@@ -1,5 +1,5 @@
-// Bounds on the error of B̂ and q̈₀ over 100 random states of every plain and extreme scene: the scenes, the measure and the
-// sensitivity are those of the accuracy report. In ε of the Scalar.
+// Bounds on the error of B̂ and q̈₀ over 100 random states of every plain and extreme scene: the scenes, the measure and
+// the sensitivity are those of the accuracy report. In ε of the Scalar.
 #include "catch.hpp"
 
 #include "../bench/accuracy_bounds.cpp"
@@ -46,8 +46,8 @@ TEST_CASE("errors on plain and extreme scenes stay within their bounds")
         hold(p.qdd0, std::max(16.0, 16 * p.qdd0.sensitivity));
         CHECK(p.Bhat.refused == 0);
       }
-      // Thin rods: what the large moment of inertia, 35 times the small one, leaves of its digits is seen in q̈₀ (of B̂ 65 ε where
-      // weak pivots are not mended).
+      // Thin rods: what the large moment of inertia, 35 times the small one, leaves of its digits is seen in q̈₀ (of B̂
+      // 65 ε where weak pivots are not mended).
       if (is_one_of(scene.name, {"arm of 7", "arm at", "stretched arm", "speeds of 1e3"})) {
         hold(p.Bhat, 16);
         hold(p.qdd0, 4 * 35);

@@ -51,7 +51,9 @@ void agrees(const char* name)
   INFO(name << ", states from seed 5");
   const Tree<double> tree(robot());
   iim::Inputs<Tree<double>> inputs(tree);
-  for (const char* point : {"base", "arm", "other arm"}) { inputs.add_force(point, iim::Vector3<double>(0.1, 0.2, -0.3)); }
+  for (const char* point : {"base", "arm", "other arm"}) {
+    inputs.add_force(point, iim::Vector3<double>(0.1, 0.2, -0.3));
+  }
   iim::Workspace<Tree<double>> workspace(tree);
   iim::ImplicitInversion<Tree<double>> method(tree, inputs);
   FrameConvention<double, frames, update> other(tree, inputs);

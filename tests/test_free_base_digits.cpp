@@ -38,7 +38,8 @@ Results results(const Parts<Scalar>& assembly, const test::RandomState& state, d
   Workspace<Tree<Scalar>, update> ws(tree);
   ImplicitInversion<Tree<Scalar>> method(tree, inputs);
   const VectorX<Scalar> q = state.q.template cast<Scalar>(), qd = state.qd.template cast<Scalar>();
-  const auto result = step > 0 ? method(implicit_step(q, qd, static_cast<Scalar>(step), ws)) : method(forward_dynamics(q, qd, ws));
+  const auto result =
+      step > 0 ? method(implicit_step(q, qd, static_cast<Scalar>(step), ws)) : method(forward_dynamics(q, qd, ws));
   REQUIRE(result.ok());
   return {result.Bhat.template cast<long double>(), result.qdd0.template cast<long double>()};
 }
@@ -119,7 +120,9 @@ Parts<double> light_base(First first, test::Random& random)
   assembly.add("base", base_on, FloatingBase<double>{light(random.body())});
   switch (first) {
     case First::revolute: assembly.add("link0", first_on, RevoluteLink<double>{{random.axis()}, random.body()}); break;
-    case First::geared: assembly.add("link0", first_on, MotorArm<double>{{random.axis()}, random.body(), motor()}); break;
+    case First::geared:
+      assembly.add("link0", first_on, MotorArm<double>{{random.axis()}, random.body(), motor()});
+      break;
     case First::sprung: {
       Sprung<MotorArm<double>> arm{{{random.axis()}, random.body(), motor()}};
       arm.stiffness(0) = 1e4;
@@ -219,7 +222,8 @@ TEST_CASE("projected: limbs on a base lighter by 10⁶, by several axes or by on
   for (const int limbs : {1, 2, 4}) {
     for (const bool coaxial : {false, true}) {
       CAPTURE(limbs, coaxial);
-      const Errors errors = worst(50, 0, [&](test::Random& random) { return limbs_on_lightest(limbs, coaxial, random); });
+      const Errors errors =
+          worst(50, 0, [&](test::Random& random) { return limbs_on_lightest(limbs, coaxial, random); });
       CHECK(errors.Bhat < 32);  // 10⁶ to 10⁸ about one axis where C is that of the inertia as it was added up
       if (!coaxial) { CHECK(errors.qdd0 < 512); }  // one limb: 230, others 20
     }

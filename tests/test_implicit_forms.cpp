@@ -1,4 +1,5 @@
-// Implicit inversion as a product and by sweeps: the same B̂, the cheaper one chosen, and memory O(n) where that is enough.
+// Implicit inversion as a product and by sweeps: the same B̂, the cheaper one chosen, and memory O(n) where that is
+// enough.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
@@ -128,7 +129,8 @@ TEST_CASE("what was active before leaves nothing behind")
     test::Random draw(seed);
     Workspace ws(tree);
     Form product(tree, inputs, true), sweep(tree, inputs, false);
-    for (std::uint64_t choice : {0xffff'ffffu, 0x5555'3333u, 0x0f0f'0101u, 0u, 0xf0f0'8421u, 0xf0f0'8421u, 0xffff'ffffu}) {
+    for (std::uint64_t choice :
+         {0xffff'ffffu, 0x5555'3333u, 0x0f0f'0101u, 0u, 0xf0f0'8421u, 0xf0f0'8421u, 0xffff'ffffu}) {
       for (Index id = 0; id < inputs.blocks(); ++id) { inputs.set_active(id, (choice >> (id % 32) & 1u) != 0); }
       const test::RandomState state = test::random_state(tree, 0, draw);
       const auto fd = forward_dynamics(state.q, state.qd, ws);
@@ -159,10 +161,10 @@ TEST_CASE("the product pays on short paths and for many inputs")
   CHECK(product_from(models::chain<double>(50)) > 4);  // a sweep of a register's columns takes as long
   CHECK(product_from(models::chain<double>(50)) <= 33);
   CHECK(product_from(models::binary_tree<double>(63)) <= 9);
-  CHECK(product_from(models::chain<double>(200)) >= 200);  // half of it is computed where all joints are driven
-  CHECK(product_from(models::chain<double>(300)) == 301);  // never
+  CHECK(product_from(models::chain<double>(200)) >= 200);    // half of it is computed where all joints are driven
+  CHECK(product_from(models::chain<double>(300)) == 301);    // never
   CHECK(product_from(models::chain<double>(1000)) == 1001);  // never
-  CHECK(product_from(models::chain<float>(100)) == 101);  // never: L has numbers without a full mantissa
+  CHECK(product_from(models::chain<float>(100)) == 101);     // never: L has numbers without a full mantissa
   CHECK(product_from(models::binary_tree<float>(127)) <= 9);
 }
 

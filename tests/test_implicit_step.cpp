@@ -3,9 +3,9 @@
 
 #include <iim/global_inverse.hpp>
 #include <iim/recursive_inverse.hpp>
-#include <iim/subsystem_matrices.hpp>
 #include <iim/subsystem/elastic_motor_arm.hpp>
 #include <iim/subsystem/sprung.hpp>
+#include <iim/subsystem_matrices.hpp>
 #include <iim/unit_force.hpp>
 
 #include "random_tree.hpp"

@@ -24,7 +24,8 @@ Tree robot()
   StandardAssembly<double> assembly;
   assembly.add("hand", {.parent = "arm", .p = draw.vector(1)}, RevoluteLink<double>{{draw.unit()}, draw.body()});
   assembly.add("base", {}, FloatingBase<double>{draw.body()});
-  assembly.add("arm", {.parent = "base", .p = draw.vector(1)}, MotorArm<double>{{draw.unit()}, draw.body(), draw.motor()});
+  assembly.add("arm", {.parent = "base", .p = draw.vector(1)},
+               MotorArm<double>{{draw.unit()}, draw.body(), draw.motor()});
   assembly.add("post", {}, FixedLink<double>{{}, draw.body()});
   assembly.add_frame("tip", {.parent = "hand", .R = draw.rotation(), .p = draw.vector(1)});
   return Tree(assembly);
@@ -71,11 +72,11 @@ TEST_CASE("a wrench is its force, and moments are pairs of forces", "[inputs]")
   const Tree tree = robot();
   Inputs inputs(tree, Inputs<Tree>::Start::empty);
   const Vec3 x(0.1, -0.2, 0.3);
-  inputs.add_wrench("tip", x, Axes::body);                      // 0
-  inputs.add_force("tip", x, Axes::body);                       // 6
-  inputs.add_force("tip", x + Vec3::UnitX(), Axes::body);       // 9
-  inputs.add_force("post");                                     // 12
-  inputs.add_motor("arm");                                      // 15
+  inputs.add_wrench("tip", x, Axes::body);                 // 0
+  inputs.add_force("tip", x, Axes::body);                  // 6
+  inputs.add_force("tip", x + Vec3::UnitX(), Axes::body);  // 9
+  inputs.add_force("post");                                // 12
+  inputs.add_motor("arm");                                 // 15
   Workspace ws(tree);
   ImplicitInversion method(tree, inputs);
   test::Random draw(2);
@@ -149,7 +150,9 @@ TEST_CASE("a part, and a frame, on a named frame", "[inputs]")
   const RevoluteLink<double> arm{{draw.unit()}, draw.body()}, hand{{draw.unit()}, draw.body()};
   StandardAssembly<double> by_name, direct;
   by_name.add("hand", {"tip", at.R, at.p}, hand).add_frame("tip", {"wrist", tip.R, tip.p});
-  by_name.add("arm", {"post"}, arm).add_frame("wrist", {"arm", wrist.R, wrist.p}).add_frame("post", {"world", at.R, at.p});
+  by_name.add("arm", {"post"}, arm)
+      .add_frame("wrist", {"arm", wrist.R, wrist.p})
+      .add_frame("post", {"world", at.R, at.p});
   direct.add("arm", {"world", at.R, at.p}, arm).add("hand", {"arm", whole.R, whole.p}, hand);
   const Tree tree(by_name), expected(direct);
   REQUIRE(tree.size() == 2);
@@ -162,7 +165,8 @@ TEST_CASE("a part, and a frame, on a named frame", "[inputs]")
   CHECK(tree.frame("post").frame == -1);
   const test::RandomState state = test::random_state(tree, 0, draw);
   Workspace ws(tree), expected_ws(expected);
-  const auto fd = forward_dynamics(state.q, state.qd, ws), expected_fd = forward_dynamics(state.q, state.qd, expected_ws);
+  const auto fd = forward_dynamics(state.q, state.qd, ws),
+             expected_fd = forward_dynamics(state.q, state.qd, expected_ws);
   REQUIRE(fd.ok());
   CHECK((fd.qdd0() - expected_fd.qdd0()).norm() < 256 * eps * expected_fd.qdd0().norm());
 }

@@ -82,8 +82,8 @@ void check_sine(double size)
     }
   }
   INFO("angles up to " << size);
-  // Last rounding 0.5. Each of the reduction's roundings 0.5 of the reduced angle's places, up to two of the result's: one
-  // for small angles, two where multiples of π/2 have more digits than fit.
+  // Last rounding 0.5. Each of the reduction's roundings 0.5 of the reduced angle's places, up to two of the result's:
+  // one for small angles, two where multiples of π/2 have more digits than fit.
   CHECK(worst < (size <= 100 ? 1.5 : 2.5));
 }
 
@@ -106,7 +106,8 @@ void check_sine_of_anything()
 {
   using Limits = std::numeric_limits<T>;
   // One lane beyond the reduction's range: all lanes are right still.
-  for (const T odd : {T(1e7), T(-1e7), Limits::max(), Limits::infinity(), Limits::quiet_NaN(), Limits::min(), T(-0.0)}) {
+  for (const T odd :
+       {T(1e7), T(-1e7), Limits::max(), Limits::infinity(), Limits::quiet_NaN(), Limits::min(), T(-0.0)}) {
     for (int at = 0; at < Pack<T>::size; ++at) {
       Pack<T> x = T(0.5);
       x.set(at, odd);
@@ -157,8 +158,9 @@ void check_decisions()
 
     // The questions of the cycle: as the single Scalar answers, for the worst lane; not marked.
     using One = ScalarTraits<T>;
-    for (const T x : {T(0), T(-0.0), T(-1), Limits::quiet_NaN(), -Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity(),
-                      Limits::denorm_min(), -Limits::denorm_min(), Limits::min(), Limits::max(), T(5)}) {
+    for (const T x :
+         {T(0), T(-0.0), T(-1), Limits::quiet_NaN(), -Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity(),
+          Limits::denorm_min(), -Limits::denorm_min(), Limits::min(), Limits::max(), T(5)}) {
       mixed = one;
       mixed.set(at, x);
       CHECK(ScalarTraits<Pack<T>>::is_positive(mixed) == One::is_positive(x));

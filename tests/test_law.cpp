@@ -106,7 +106,9 @@ TEST_CASE("the order of adding permutes rows and nothing else", "[law]")
     StandardAssembly<double> shuffled;
     shuffled.set_gravity(random.assembly.gravity());
     for (const auto& frame : random.assembly.named_frames()) { shuffled.add_frame(frame.name, frame.on); }
-    for (const auto& part : parts) { std::visit([&](const auto& s) { shuffled.add(part.name, part.on, s); }, part.part); }
+    for (const auto& part : parts) {
+      std::visit([&](const auto& s) { shuffled.add(part.name, part.on, s); }, part.part);
+    }
     const Tree other(shuffled);
     REQUIRE(other.n_v() == tree.n_v());
 
@@ -248,7 +250,11 @@ TEST_CASE("a motor of ratio zero moves nothing; on the world, armature and full 
   options.armature = 0;
   const auto with_motors = [](const StandardAssembly<double>& assembly, const auto& edit) {
     return Tree(edited(assembly, [&](auto& part) {
-      std::visit([&](auto& s) { if constexpr (requires { s.motor; }) { edit(part.on.parent, s.motor); } }, part.part);
+      std::visit(
+          [&](auto& s) {
+            if constexpr (requires { s.motor; }) { edit(part.on.parent, s.motor); }
+          },
+          part.part);
     }));
   };
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
@@ -258,7 +264,8 @@ TEST_CASE("a motor of ratio zero moves nothing; on the world, armature and full 
     const Tree tree(random.assembly);
     const test::RandomState state = test::random_state(tree, 0, draw);
 
-    const Tree locked = with_motors(random.assembly, [](const std::string&, Motor<double>& motor) { motor.gear_ratio = 0; });
+    const Tree locked =
+        with_motors(random.assembly, [](const std::string&, Motor<double>& motor) { motor.gear_ratio = 0; });
     CHECK(solve(locked, Inputs(locked), state.q, state.qd).Bhat.isZero(0.0));
 
     const auto only_on_world = [&](bool armature) {

@@ -67,7 +67,8 @@ Eigen::VectorXd rate_of(const Tree& tree, const Eigen::VectorXd& q, const Eigen:
 struct Case {
   test::RandomRobot random;
   DynamicTree<RevoluteLink<double>, MotorArm<double>, FloatingBase<double>, PrismaticLink<double>, FixedLink<double>,
-              LinearMotorArm<double>> tree;
+              LinearMotorArm<double>>
+      tree;
   Inputs<decltype(tree)> inputs;
   test::RandomState state;
 
@@ -85,7 +86,8 @@ struct Case {
     const auto result = method(forward_dynamics(state.q, state.qd, ws));
     REQUIRE(result.ok());
     const Eigen::VectorXd qdd = result.qdd0 + result.Bhat * state.u;
-    return {test::in<Digits50>(random.assembly), random.inputs, state.q, state.qd, rate_of(tree, state.q, state.qd), qdd};
+    return {
+        test::in<Digits50>(random.assembly), random.inputs, state.q, state.qd, rate_of(tree, state.q, state.qd), qdd};
   }
 };
 
@@ -106,8 +108,8 @@ TEST_CASE("the power balance: d(T + V)/dt is the power of the inputs", "[law]")
     const Literal<Digits50> robot(motion.assembly, motion.inputs, motion.q, motion.qd);
     const Digits50 gain = derivative(motion.aside(1).energy, motion.aside(-1).energy);
     const Matrix V = robot.F() * motion.qd;
-    const Digits50 power = scene.state.u.size() > 0 ? Digits50(dot(robot.Bbar().transpose() * V, Matrix(scene.state.u)))
-                                                    : Digits50(0);
+    const Digits50 power =
+        scene.state.u.size() > 0 ? Digits50(dot(robot.Bbar().transpose() * V, Matrix(scene.state.u))) : Digits50(0);
     // Both are sums over M q̈ q̇: the errors of q̈ weighted with M are what separates them.
     const Matrix forces = robot.M() * motion.qdd;
     Digits50 scale = abs(power);

@@ -1,6 +1,6 @@
 // PROGRAM: tests_parallel
-// The square-root form where a free base carries one limb that is much heavier: the base moves almost freely as the limb's
-// first joint does, and what inputs beyond that joint do must not drown in it.
+// The square-root form where a free base carries one limb that is much heavier: the base moves almost freely as the
+// limb's first joint does, and what inputs beyond that joint do must not drown in it.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
@@ -35,14 +35,20 @@ Parts<double> light_base(double lightness, First first, bool inside, test::Rando
   body.mass *= lightness;
   body.inertia *= lightness;
   if (inside) {
-    assembly.add("slide", {"world", random.rotation(), random.vector(0.5)}, PrismaticLink<double>{{random.axis()}, random.body()});
+    assembly.add("slide", {"world", random.rotation(), random.vector(0.5)},
+                 PrismaticLink<double>{{random.axis()}, random.body()});
   }
   assembly.add("base", {inside ? "slide" : "world", random.rotation(), random.vector(0.5)}, FloatingBase<double>{body});
   for (int k = 0; k < 4; ++k) {
     const std::string name = "link" + std::to_string(k);
-    const Attachment<double> on{k == 0 ? "base" : "link" + std::to_string(k - 1), random.rotation(), random.vector(0.5)};
-    if (k > 0 || first == First::revolute) { assembly.add(name, on, RevoluteLink<double>{{random.axis()}, random.body()}); }
-    if (k == 0 && first == First::prismatic) { assembly.add(name, on, PrismaticLink<double>{{random.axis()}, random.body()}); }
+    const Attachment<double> on{k == 0 ? "base" : "link" + std::to_string(k - 1), random.rotation(),
+                                random.vector(0.5)};
+    if (k > 0 || first == First::revolute) {
+      assembly.add(name, on, RevoluteLink<double>{{random.axis()}, random.body()});
+    }
+    if (k == 0 && first == First::prismatic) {
+      assembly.add(name, on, PrismaticLink<double>{{random.axis()}, random.body()});
+    }
     if (k == 0 && first == First::geared) {
       MotorArm<double> arm{{random.axis()}, random.body(), random.motor(0)};
       arm.motor.axial_inertia *= lightness;  // the base stays light against the limb, its rotor included
@@ -86,7 +92,8 @@ Results results(const Parts<Scalar>& assembly, const std::vector<test::NamedInpu
     constexpr Scene nothing_else{.velocity = false, .gravity = false};
     out.sweep.resize(tree.n_v(), in.columns());
     for (Index j = 0; j < in.columns(); ++j) {
-      out.sweep.col(j) = forward_dynamics<nothing_else>(q, qd, in, VectorX<Scalar>(VectorX<Scalar>::Unit(in.columns(), j)), ws).qdd;
+      out.sweep.col(j) =
+          forward_dynamics<nothing_else>(q, qd, in, VectorX<Scalar>(VectorX<Scalar>::Unit(in.columns(), j)), ws).qdd;
     }
     return out;
   }
@@ -119,15 +126,16 @@ void check(const char* name, double lightness, First first, bool inside)
       const VectorX<Scalar> q = state.q.template cast<Scalar>(), qd = state.qd.template cast<Scalar>();
       const auto precise = rounded.template cast<long double>();
       const Results a = results<Scalar>(rounded, inputs(which), q, qd);
-      const Results b = results<long double>(precise, inputs(which), q.template cast<long double>(), qd.template cast<long double>());
+      const Results b =
+          results<long double>(precise, inputs(which), q.template cast<long double>(), qd.template cast<long double>());
       worst[0] = std::max(worst[0], relative(a.product, b.sweep) / epsilon);
       worst[1] = std::max(worst[1], relative(a.sweep, b.sweep) / epsilon);
       worst[2] = std::max(worst[2], relative(a.qdd0, b.qdd0) / epsilon);
       worst[3] = std::max(worst[3], relative(a.qdd, b.qdd) / epsilon);
     }
     CAPTURE(name, lightness, inside, which);
-    // What one ε in the data moves is 6 ε, of the force's columns as of the others; these alone take the conditioning of
-    // the limb's rows, too (134 ε measured with the base 1e-6 times as heavy, 16 with a base like the links).
+    // What one ε in the data moves is 6 ε, of the force's columns as of the others; these alone take the conditioning
+    // of the limb's rows, too (134 ε measured with the base 1e-6 times as heavy, 16 with a base like the links).
     for (const double error : worst) { CHECK(error < (which == 2 ? 256 : 32)); }
   }
 }
@@ -142,8 +150,8 @@ double worst_column(const MatrixX<long double>& value, const MatrixX<long double
   return worst;
 }
 
-/// Seven links, on the world or on a free base, with `side_limbs` on the fourth and a load on the last that the wrench acts on:
-/// largest errors in ε of Scalar, of q̈ under the wrench and of single columns of B̂.
+/// Seven links, on the world or on a free base, with `side_limbs` on the fourth and a load on the last that the wrench
+/// acts on: largest errors in ε of Scalar, of q̈ under the wrench and of single columns of B̂.
 struct UnderForce {
   double qdd = 0, product = 0, sweep = 0;
 };
@@ -157,7 +165,9 @@ UnderForce under_force(double load, bool on_base, int side_limbs)
     test::Random random(seed);
     Parts<double> assembly;
     if (on_base) { assembly.add("base", {}, FloatingBase<double>{random.body()}); }
-    const auto on = [&](const std::string& parent) { return Attachment<double>{parent, random.rotation(), random.vector(0.5)}; };
+    const auto on = [&](const std::string& parent) {
+      return Attachment<double>{parent, random.rotation(), random.vector(0.5)};
+    };
     for (int k = 0; k < 7; ++k) {
       for (int side = 0; k == 4 && side < side_limbs; ++side) {  // their rows are stacked beside those of the load
         const std::string name = "side" + std::to_string(side);
@@ -232,8 +242,10 @@ TEST_CASE("a tiny geared arm that its rotor all but locks to a free base keeps t
       arm.motor.mass = 0;
       arm.motor.armature = armature;
       parts.add("arm", {"base", random.rotation(), random.vector(0.4e-3)}, arm);
-      parts.add("link", {"arm", random.rotation(), random.vector(0.4e-3)}, RevoluteLink<double>{{random.axis()}, tiny()});
-      parts.add("slide", {"link", random.rotation(), random.vector(0.4e-3)}, PrismaticLink<double>{{random.axis()}, tiny()});
+      parts.add("link", {"arm", random.rotation(), random.vector(0.4e-3)},
+                RevoluteLink<double>{{random.axis()}, tiny()});
+      parts.add("slide", {"link", random.rotation(), random.vector(0.4e-3)},
+                PrismaticLink<double>{{random.axis()}, tiny()});
       const auto precise = parts.cast<long double>();
       const test::RandomState state = test::random_state(Tree<double>(parts), 0, random);
       const std::vector<test::NamedInput> motor{{InputKind::motor, "arm"}};
@@ -253,7 +265,8 @@ TEST_CASE("forces on a load of up to 1e9 times the links' mass: q̈ and each col
     for (const bool on_base : {false, true}) {
       for (const int side_limbs : {0, 8}) {
         CAPTURE(load, on_base, side_limbs);
-        // Measured: up to 178 ε, at a load of 1 as of 1e9 times; with the force beside the rows 1e8 ε of q̈ and of its columns.
+        // Measured: up to 178 ε, at a load of 1 as of 1e9 times; with the force beside the rows 1e8 ε of q̈ and of its
+        // columns.
         const UnderForce in_double = under_force<double>(load, on_base, side_limbs);
         const UnderForce in_float = under_force<float>(load, on_base, side_limbs);
         for (const UnderForce& worst : {in_double, in_float}) {

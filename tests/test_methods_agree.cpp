@@ -42,8 +42,8 @@ struct Worst {
 
   void print(const char* method) const
   {
-    std::cout << "  " << method << ": B̂ " << Bhat << " (seed " << Bhat_seed << "), q̈₀ " << qdd0 << " (seed " << qdd0_seed
-              << ")\n";
+    std::cout << "  " << method << ": B̂ " << Bhat << " (seed " << Bhat_seed << "), q̈₀ " << qdd0 << " (seed "
+              << qdd0_seed << ")\n";
   }
 };
 

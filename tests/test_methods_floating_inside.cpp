@@ -67,7 +67,8 @@ TEST_CASE("the methods agree on floating bases inside a tree")
   }
   std::cout << robots << " robots from seed " << first_seed << ", " << inside
             << " floating bases on moving parts; largest relative difference of B̂ from unit forces: implicit inversion "
-            << implicit_worst << ", recursive inverse " << recursive_worst << ", global inverse " << global_worst << '\n';
+            << implicit_worst << ", recursive inverse " << recursive_worst << ", global inverse " << global_worst
+            << '\n';
   CHECK(inside > robots / 2);
   CHECK(implicit_worst <= recursive_tolerance);
   CHECK(recursive_worst <= recursive_tolerance);

@@ -12,9 +12,9 @@ using namespace iim::test;
 namespace {
 
 /// mechanism_robot() as a type.
-using StaticRobot = StaticTree<On<-1, FloatingBase<double>>, On<0, Mechanism>, On<1, MotorArm<double>, 1>,
-                               On<1, MotorArm<double>, 2>, On<1, FixedLink<double>>, On<4, Mechanism>,
-                               On<5, MotorArm<double>, 1>>;
+using StaticRobot =
+    StaticTree<On<-1, FloatingBase<double>>, On<0, Mechanism>, On<1, MotorArm<double>, 1>, On<1, MotorArm<double>, 2>,
+               On<1, FixedLink<double>>, On<4, Mechanism>, On<5, MotorArm<double>, 1>>;
 
 }  // namespace
 

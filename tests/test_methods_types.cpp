@@ -36,9 +36,8 @@ TEST_CASE("the mechanism's bias is the acceleration that its motion has")
       std::array<Eigen::Matrix<double, 6, 3>, 3> S;
       std::array<Eigen::Matrix<double, 6, 1>, 3> biases;
       for (auto& s : S) { s.setZero(); }
-      std::array<FrameMotion<double, 3>, 3> frames{{{turned[0], r[0], S[0], biases[0]},
-                                                    {turned[1], r[1], S[1], biases[1]},
-                                                    {turned[2], r[2], S[2], biases[2]}}};
+      std::array<FrameMotion<double, 3>, 3> frames{
+          {{turned[0], r[0], S[0], biases[0]}, {turned[1], r[1], S[1], biases[1]}, {turned[2], r[2], S[2], biases[2]}}};
       m.motion(R, q + t * qd, qd, frames);
       bias = biases[1];
       return Eigen::Matrix<double, 6, 1>(S[1] * qd);

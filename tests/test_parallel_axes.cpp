@@ -66,7 +66,8 @@ TEST_CASE("a chain about an oblique axis has all digits of float")
       for (int k = 0; k < 5; ++k) {
         const test::RandomState x = test::random_state(exact, 0, random);
         const VectorX<float> q = x.q.cast<float>(), qd = x.qd.cast<float>();
-        const auto reference = exact_method(forward_dynamics(q.cast<double>().eval(), qd.cast<double>().eval(), exact_ws));
+        const auto reference =
+            exact_method(forward_dynamics(q.cast<double>().eval(), qd.cast<double>().eval(), exact_ws));
         const auto dynamics = method(forward_dynamics(q, qd, ws));
         REQUIRE(reference.ok());
         REQUIRE(dynamics.ok());

@@ -15,7 +15,8 @@ using namespace iim;
 
 namespace {
 
-using Robot = Assembly<RevoluteLink<double>, MotorArm<double>, FloatingBase<double>, PrismaticLink<double>, FixedLink<double>>;
+using Robot =
+    Assembly<RevoluteLink<double>, MotorArm<double>, FloatingBase<double>, PrismaticLink<double>, FixedLink<double>>;
 using Tree = decltype(DynamicTree(std::declval<const Robot&>()));
 
 /// Two groups of parallel joints about oblique directions, the second on the first, on a floating base or on the world:
@@ -52,7 +53,8 @@ Robot mechanism(bool floating, test::Random& random)
       }
     }
     // A branch of the group, and one that turns about something else.
-    parts.add(group + "branch", {.parent = group + "4", .p = random.vector(0.5)}, RevoluteLink<double>{{axis}, random.body()});
+    parts.add(group + "branch", {.parent = group + "4", .p = random.vector(0.5)},
+              RevoluteLink<double>{{axis}, random.body()});
     parts.add(group + "other", {.parent = group + "2", .R = random.rotation()},
               MotorArm<double>{{random.axis()}, random.body(), random.motor()});
     parts.add(group + "tool", {.parent = group + "other"}, FixedLink<double>{{}, random.body()});

@@ -37,16 +37,16 @@ TEST_CASE("every form of the paper gives the same B̂ and q̈₀", "[reference]"
 
     const auto [Bhat, qdd0] = direct_solution(robot);  // (9), (11)–(13), (2)
     const Recursion<Digits50> pass = robot.recursion(none);
-    CHECK(apart(pass.qdd, qdd0) < tolerance);                                     // (14)–(19)
+    CHECK(apart(pass.qdd, qdd0) < tolerance);                           // (14)–(19)
     CHECK(apart(robot.recursion(u).qdd, qdd0 + Bhat * u) < tolerance);  // (2)
 
     const Matrix Gamma = robot.Gamma(pass);
     const Matrix Gamma_inv = robot.Gamma_inv(pass);
     const Matrix one = Matrix::identity(robot.n());
-    CHECK(apart(Gamma * Gamma_inv, one) < tolerance);                             // (48)
-    CHECK(apart(robot.Gamma_inv_cascade(Gamma), Gamma_inv) < tolerance);          // (33)–(35)
+    CHECK(apart(Gamma * Gamma_inv, one) < tolerance);                                   // (48)
+    CHECK(apart(robot.Gamma_inv_cascade(Gamma), Gamma_inv) < tolerance);                // (33)–(35)
     CHECK(apart(robot.T_star(pass) * robot.diag_F(), robot.F_star(pass)) < tolerance);  // (25), (31)
-    CHECK(apart(robot.Bhat(pass), Bhat) < tolerance);                             // (50)
+    CHECK(apart(robot.Bhat(pass), Bhat) < tolerance);                                   // (50)
     CHECK(apart(robot.algorithm_1(pass), Bhat) < tolerance);
     // Not printed in the paper: M⁻¹ = Γ⁻¹ diag(M̄_R⁻¹) Γ⁻ᵀ, and Γ⁻¹ = diag(Fᵀ) F*.
     CHECK(apart(robot.M() * Gamma_inv * robot.diag_MbarR_inv(pass) * Gamma_inv.transpose(), one) < tolerance);

@@ -75,8 +75,9 @@ Errors worst(const test::RandomOptions& options, double speed, std::uint64_t fir
   return worst;
 }
 
-// In units of ε, over all seeds below: a few roundings per velocity on a path, times what masses of 0.1 to 10 kg and gear
-// ratios to 100 cost the form of the update (measured 346, 202 and 18; a factor of four is left for other compilers).
+// In units of ε, over all seeds below: a few roundings per velocity on a path, times what masses of 0.1 to 10 kg and
+// gear ratios to 100 cost the form of the update (measured 346, 202 and 18; a factor of four is left for other
+// compilers).
 constexpr double eps = std::numeric_limits<double>::epsilon();
 
 void check(const Errors& errors, double limit)

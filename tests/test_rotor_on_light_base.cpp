@@ -35,8 +35,8 @@ StandardAssembly<double> heavy_arm_on_light_base(double load, test::Random& rand
   return assembly;
 }
 
-/// A floating base that is `load` times lighter than the rotor on it, and lets it turn about its axis almost freely: the
-/// rotor drives a slide that is lighter still.
+/// A floating base that is `load` times lighter than the rotor on it, and lets it turn about its axis almost freely:
+/// the rotor drives a slide that is lighter still.
 StandardAssembly<double> light_slide_with_rotor(double load, test::Random& random)
 {
   const auto light = [&](double by) {
@@ -71,10 +71,12 @@ double worst_error(double load, StandardAssembly<double> (*robot)(double, test::
     Workspace<Tree<Scalar>, Update::square_root> ws(tree);
     Workspace<Tree<long double>, Update::square_root> exact_ws(exact_tree);
     const auto fd = forward_dynamics(q, qd, ws);
-    const auto reference = forward_dynamics(q.template cast<long double>().eval(), qd.template cast<long double>().eval(), exact_ws);
+    const auto reference =
+        forward_dynamics(q.template cast<long double>().eval(), qd.template cast<long double>().eval(), exact_ws);
     REQUIRE(fd.ok());
     REQUIRE(reference.ok());
-    const long double error = (fd.qdd0().template cast<long double>() - reference.qdd0()).norm() / reference.qdd0().norm();
+    const long double error =
+        (fd.qdd0().template cast<long double>() - reference.qdd0()).norm() / reference.qdd0().norm();
     worst = std::max(worst, static_cast<double>(error / std::numeric_limits<Scalar>::epsilon()));
   }
   return worst;

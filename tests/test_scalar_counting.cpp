@@ -24,7 +24,8 @@ struct Scenario {
   VectorX<Counted> q, qd;
 
   Scenario(const Assembly& assembly, bool motors, Index contacts)
-      : tree(assembly), inputs(make(tree, motors, contacts)), ws(tree), method(tree, inputs), q(tree.n_q()), qd(tree.n_v())
+      : tree(assembly), inputs(make(tree, motors, contacts)), ws(tree), method(tree, inputs), q(tree.n_q()),
+        qd(tree.n_v())
   {
     test::Random draw(1);
     const test::RandomState state = test::random_state(tree, 0, draw);
@@ -86,7 +87,8 @@ TEST_CASE("an inactive input costs what no input costs", "[scalar]")
 
 TEST_CASE("B̂ of a chain costs what its size says", "[scalar]")
 {
-  // Γ⁻¹ and F* take 6n² + O(n), L β takes n³/6 and more for a fully actuated chain: far below the n³ of a dense inverse.
+  // Γ⁻¹ and F* take 6n² + O(n), L β takes n³/6 and more for a fully actuated chain: far below the n³ of a dense
+  // inverse.
   for (const Index n : {10, 20, 40}) {
     Scenario chain(models::chain<Counted>(n), true, 0);
     const double size = static_cast<double>(n);
@@ -94,7 +96,8 @@ TEST_CASE("B̂ of a chain costs what its size says", "[scalar]")
   }
   // One more force at the tip: 3 columns of n rows and the path's six-vectors, O(n) per column and not O(n²).
   const auto extra = [](Index n) {
-    return Scenario(models::chain<Counted>(n), false, 3).invert() - Scenario(models::chain<Counted>(n), false, 2).invert();
+    return Scenario(models::chain<Counted>(n), false, 3).invert() -
+           Scenario(models::chain<Counted>(n), false, 2).invert();
   };
   CHECK(extra(20) <= 3 * (20 * 21 / 2 + 20 * 20 + 12 * 20));
 }

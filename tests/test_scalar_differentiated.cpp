@@ -87,7 +87,8 @@ TEST_CASE("derivatives of q̈₀ and B̂ along a motion", "[scalar]")
     if (tree.n_v() == 0) { continue; }
     test::Random draw(seed);
     const test::RandomState state = test::random_state(tree, 0, draw);
-    // The quaternion's rate is a small one and its length need not stay: what is off is divided out, and differentiated.
+    // The quaternion's rate is a small one and its length need not stay: what is off is divided out, and
+    // differentiated.
     const Eigen::VectorXd q_rate = Eigen::VectorXd::NullaryExpr(tree.n_q(), [&] { return draw.uniform(-0.5, 0.5); });
     const Eigen::VectorXd qdd = Eigen::VectorXd::NullaryExpr(tree.n_v(), [&] { return draw.uniform(-1, 1); });
 
@@ -96,8 +97,8 @@ TEST_CASE("derivatives of q̈₀ and B̂ along a motion", "[scalar]")
     for (Index k = 0; k < qd.size(); ++k) { qd(k) = Dual(state.qd(k), qdd(k)); }
     const MatrixX<Dual> dual = solve<Dual>(test::in<Dual>(random.assembly), random.inputs, q, qd);
 
-    // Fourth-order differences in long double: rounding 1e-19/h = 1e-15, truncation h⁴/30 = 5e-17 of a fifth derivative,
-    // which a solution of size one over lengths of 0.1 may have at 1e7.
+    // Fourth-order differences in long double: rounding 1e-19/h = 1e-15, truncation h⁴/30 = 5e-17 of a fifth
+    // derivative, which a solution of size one over lengths of 0.1 may have at 1e7.
     using Real = long double;
     const Real h = 2e-4L;
     const auto aside = [&](int steps) {

@@ -119,8 +119,7 @@ TEST_CASE("what task rows cost beside B̂")
     add(tasks);
     return test::count_products([&] { tasks(fd, dynamics); });
   };
-  hold("one point: J_t, J̇_t q̇, J_t B̂, V̇_t0",
-       rows([](auto& t) { t.add_point(models::biped_contacts[0]); }), 1536);
+  hold("one point: J_t, J̇_t q̇, J_t B̂, V̇_t0", rows([](auto& t) { t.add_point(models::biped_contacts[0]); }), 1536);
   hold("centre of mass", rows([](auto& t) { t.add_com(); }), 6284);
   CHECK(rows([](auto& t) { t.set_active(t.add_com(), false); }) == 0);
 }

@@ -62,7 +62,8 @@ TEST_CASE("states by row, by column, as blocks and transposed are the same state
   check(states.q + 0 * states.qd, states.qd * 1, states.u);
 }
 
-TEST_CASE("a base far lighter than its limbs, two of which turn about one axis, is computed state by state", "[several]")
+TEST_CASE("a base far lighter than its limbs, two of which turn about one axis, is computed state by state",
+          "[several]")
 {
   using namespace iim;
   test::Random draw(11);
@@ -76,7 +77,8 @@ TEST_CASE("a base far lighter than its limbs, two of which turn about one axis, 
     const double along = draw.uniform(-1, 1);
     assembly.add(limb, {"base", test::Mat3::Identity(), along * axis}, RevoluteLink<double>{{axis}, draw.body()});
     const test::Vec3 at = draw.vector(0.5), other = draw.unit();
-    assembly.add(std::string(limb) + " hand", {limb, test::Mat3::Identity(), at}, RevoluteLink<double>{{other}, draw.body()});
+    assembly.add(std::string(limb) + " hand", {limb, test::Mat3::Identity(), at},
+                 RevoluteLink<double>{{other}, draw.body()});
   }
   const test::Tree<double> tree(assembly);
   const Inputs<test::Tree<double>> inputs(tree);

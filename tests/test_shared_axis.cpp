@@ -1,6 +1,7 @@
 // PROGRAM: tests_light_base
-// Square-root form on axes that nearly or exactly coincide: what a joint undoes of its parent's motion does not cost digits,
-// whatever the type of the two joints, in q̈ with and without inputs and in every method that is built on the workspace.
+// Square-root form on axes that nearly or exactly coincide: what a joint undoes of its parent's motion does not cost
+// digits, whatever the type of the two joints, in q̈ with and without inputs and in every method that is built on the
+// workspace.
 #include "catch.hpp"
 
 #include "random_tree.hpp"
@@ -126,8 +127,9 @@ void check(const StandardAssembly<double>& parts, const char* name, double bound
     for (auto* x : {&state.q, &state.qd, &state.u}) { *x = x->template cast<float>().template cast<double>(); }
     const auto exact = results<long double>(parts, state);
     const auto apart_from = [&](const auto& other) {
-      return std::array{relative(other.product, exact.product) / epsilon, relative(other.sweep, exact.product) / epsilon,
-                        relative(other.qdd0, exact.qdd0) / epsilon, relative(other.qdd, exact.qdd) / epsilon};
+      return std::array{relative(other.product, exact.product) / epsilon,
+                        relative(other.sweep, exact.product) / epsilon, relative(other.qdd0, exact.qdd0) / epsilon,
+                        relative(other.qdd, exact.qdd) / epsilon};
     };
     const auto errors = apart_from(results<Scalar>(parts, state));
     // What half an ε in q and q̇ moves, the most of some samples: no result can be expected to be nearer.
@@ -135,7 +137,9 @@ void check(const StandardAssembly<double>& parts, const char* name, double bound
     for (int sample = 0; sample < 6; ++sample) {
       PreciseState moved{state.q.cast<long double>(), state.qd.cast<long double>(), state.u.cast<long double>()};
       for (auto* x : {&moved.q, &moved.qd}) {
-        for (long double& value : *x) { value *= 1 + (draw.chance(0.5) ? 0.5L : -0.5L) * static_cast<long double>(epsilon); }
+        for (long double& value : *x) {
+          value *= 1 + (draw.chance(0.5) ? 0.5L : -0.5L) * static_cast<long double>(epsilon);
+        }
       }
       const auto movement = apart_from(results<long double>(parts, moved));
       for (std::size_t k = 0; k < 4; ++k) { sensitivity[k] = std::fmax(sensitivity[k], movement[k]); }
@@ -160,8 +164,8 @@ TEST_CASE("square-root form keeps its digits on axes that nearly coincide")
   } cases[] = {{"revolute on revolute", Kind::revolute, Kind::revolute},
                {"ideal motors", Kind::ideal, Kind::ideal},
                {"revolute on ideal motor", Kind::revolute, Kind::ideal},
-               // The moment of a rotor that turns with its carrier is a wrench; that it has no part along the axis is up to
-               // roundings.
+               // The moment of a rotor that turns with its carrier is a wrench; that it has no part along the axis is
+               // up to roundings.
                {"geared motor on revolute", Kind::geared, Kind::revolute, 512},
                {"geared motors", Kind::geared, Kind::geared, 512},
                {"prismatic on prismatic", Kind::prismatic, Kind::prismatic},

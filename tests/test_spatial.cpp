@@ -101,8 +101,8 @@ void check_update()
   CHECK((U - A.dense() * S).norm() < slack);
   const auto W = random<Eigen::Matrix<Scalar, n, 6>>();
   const Matrix6<Scalar> P = Matrix6<Scalar>::Identity() - S * W;
-  CHECK((detail::projected<pattern>(A, S, columns, six_columns<Scalar, n>(W)).dense() - P.transpose() * A.dense() * P).norm() <
-        8 * slack);
+  CHECK((detail::projected<pattern>(A, S, columns, six_columns<Scalar, n>(W)).dense() - P.transpose() * A.dense() * P)
+            .norm() < 8 * slack);
   SpatialInertia<Scalar> printed = A;
   const Eigen::Matrix<Scalar, n, 6> gain = (S.transpose() * U).inverse() * U.transpose();
   detail::subtract_product(columns, six_columns<Scalar, n>(gain), printed);
@@ -113,7 +113,8 @@ void check_update()
   CHECK((square.dense() - A.dense() - 3 * z * z.transpose()).norm() < slack);
 }
 
-TEMPLATE_TEST_CASE("the projected inertia is the congruence, and what the printed update gives", "", float, double, long double)
+TEMPLATE_TEST_CASE("the projected inertia is the congruence, and what the printed update gives", "", float, double,
+                   long double)
 {
   for (int k = 0; k < 20; ++k) {
     check_update<TestType, 2, MotionPattern{}>();

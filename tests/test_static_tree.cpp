@@ -96,8 +96,10 @@ TEST_CASE("several roots, and several children on one frame", "[static]")
   assembly.add("crane", {.p = draw.vector(2)}, Prismatic1{{Vec3::UnitZ()}, draw.body()});
   assembly.add("hand", {.parent = "arm", .p = draw.vector(1)}, Revolute1{{draw.unit()}, draw.body()});
   assembly.add("hook", {.parent = "crane", .p = draw.vector(1)}, Revolute1{{draw.unit()}, draw.body()});
-  using Tree = StaticTree<On<-1, Base>, On<0, Arm>, On<1, Revolute1>, On<0, Revolute1>, On<-1, Prismatic1>, On<4, Revolute1>>;
-  compare<Tree>(assembly, {{InputKind::wrench, "hook"}, {InputKind::motor, "arm"}, {InputKind::force, "leg", Vec3(0, 0, 1)}});
+  using Tree =
+      StaticTree<On<-1, Base>, On<0, Arm>, On<1, Revolute1>, On<0, Revolute1>, On<-1, Prismatic1>, On<4, Revolute1>>;
+  compare<Tree>(assembly,
+                {{InputKind::wrench, "hook"}, {InputKind::motor, "arm"}, {InputKind::force, "leg", Vec3(0, 0, 1)}});
 }
 
 TEST_CASE("a tree of the wrong shape is an exception that names the subsystem", "[static]")

@@ -13,7 +13,7 @@ using namespace iim;
 TEST_CASE("the biped as a type is the biped at run time", "[static]")
 {
   using Arm = MotorArm<double>;
-  using Biped = StaticTree<On<-1, FloatingBase<double>>,                                                     //
+  using Biped = StaticTree<On<-1, FloatingBase<double>>,                                                        //
                            On<0, Arm>, On<1, Arm>, On<2, Arm>, On<3, Arm>, On<4, Arm>, On<5, Arm>, On<6, Arm>,  //
                            On<0, Arm>, On<8, Arm>, On<9, Arm>, On<10, Arm>, On<11, Arm>, On<12, Arm>, On<13, Arm>>;
   const auto assembly = models::biped<double>();

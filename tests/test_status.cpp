@@ -1,6 +1,6 @@
 // PROGRAM: tests_methods
-// In the cycle nothing throws: what cannot be computed comes back as a status with the subsystem, results are NaN, and the
-// next good state computes as if nothing had been.
+// In the cycle nothing throws: what cannot be computed comes back as a status with the subsystem, results are NaN, and
+// the next good state computes as if nothing had been.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
@@ -164,7 +164,8 @@ TEST_CASE("an inertia that rounding eats is reported, not divided by", "[status]
     RevoluteLink<double> upper{{draw.unit()}, draw.body()}, point{{draw.unit()}, {}};
     point.body.mass = 1;
     point.body.com = draw.uniform(-1, 1) * point.joint.axis;
-    assembly.add("upper", {}, upper).add("point", {.parent = "upper", .R = draw.rotation(), .p = draw.vector(1)}, point);
+    assembly.add("upper", {}, upper)
+        .add("point", {.parent = "upper", .R = draw.rotation(), .p = draw.vector(1)}, point);
     const Tree tree(assembly);
     const Inputs inputs(tree);
     const test::RandomState state = test::random_state(tree, 0, draw);

@@ -80,8 +80,8 @@ TEST_CASE("a chain of 1000 links in a plane is heavy across the plane only: floa
 
 TEST_CASE("arms under loads that float cannot hold: refused rather than wrong")
 {
-  // Loads to 1e12 times the links: what float has left of the arm is wrong by more than 10 % or refused; of the former none.
-  // Up to 1e3 times, all states are computed.
+  // Loads to 1e12 times the links: what float has left of the arm is wrong by more than 10 % or refused; of the former
+  // none. Up to 1e3 times, all states are computed.
   int refused_light = 0, refused_heavy = 0;
   for (const double load : {1e2, 1e3, 1e6, 1e9, 1e12}) {
     Assembly<RevoluteLink<double>> arm;

@@ -16,8 +16,7 @@ using namespace iim;
 namespace {
 
 template <class Scalar>
-using Parts =
-    Assembly<FloatingBase<Scalar>, RevoluteLink<Scalar>, Sprung<MotorArm<Scalar>>, ElasticMotorArm<Scalar>>;
+using Parts = Assembly<FloatingBase<Scalar>, RevoluteLink<Scalar>, Sprung<MotorArm<Scalar>>, ElasticMotorArm<Scalar>>;
 
 struct Result {
   VectorX<long double> qdd0;
@@ -56,14 +55,17 @@ Matrix3<double> quarter_turns(test::Random& random)
   return R;
 }
 
-/// Sprung joints and elastic drives in turn on the world or a free base, a link at the tip. Numbers that float has, too.
+/// Sprung joints and elastic drives in turn on the world or a free base, a link at the tip. Numbers that float has,
+/// too.
 Parts<double> robot(double stiffness, bool on_base, test::Random& random)
 {
   Parts<double> parts;
   if (on_base) { parts.add("base", {}, FloatingBase<double>{random.body()}); }
   for (int k = 0; k < 5; ++k) {
-    const Attachment<double> on{k > 0 ? "part" + std::to_string(k - 1) : on_base ? "base" : "world", quarter_turns(random),
-                                random.vector(0.5)};
+    const Attachment<double> on{k > 0     ? "part" + std::to_string(k - 1)
+                                : on_base ? "base"
+                                          : "world",
+                                quarter_turns(random), random.vector(0.5)};
     const std::string name = "part" + std::to_string(k);
     const double k_here = stiffness * std::pow(10.0, random.uniform(-1, 0)), damping = k_here * random.uniform(0, 1e-3);
     if (k == 4) {
@@ -83,7 +85,8 @@ Parts<double> robot(double stiffness, bool on_base, test::Random& random)
 
 /// How far q̈₀ of a robot on the world moves if coordinates and rates change by one ε of Scalar.
 template <class Scalar>
-double sensitivity(const Parts<double>& parts, const test::RandomState& state, double h, const VectorX<long double>& exact)
+double sensitivity(const Parts<double>& parts, const test::RandomState& state, double h,
+                   const VectorX<long double>& exact)
 {
   const double eps = static_cast<double>(std::numeric_limits<Scalar>::epsilon());
   test::Random random(7);
@@ -112,10 +115,13 @@ void check(double stiffness, double h, bool on_base)
     const auto exact = step<long double>(parts, state, h);
     const double of_qdd0 = relative(value.qdd0, exact.qdd0);
     CAPTURE(stiffness, h, on_base, sizeof(Scalar), seed);
-    // Measured: 40 and 8 ε, and 83 ε with AVX-512 in a state where one ε of the data moves q̈₀ by 18. On a light base 68 ε with
-    // clang++, and there of 200 states (instead of these ten) median 2 and 95 % 15, but the worst 265 ε (g++ 83), 21 times the data's
-    // sensitivity. With the springs' forces among the loads q̈₀ loses all digits at 1e15, in float at 1e9.
-    CHECK(of_qdd0 < (of_qdd0 < bound ? bound : on_base ? 2 * bound : 16 * sensitivity<Scalar>(parts, state, h, exact.qdd0)));
+    // Measured: 40 and 8 ε, and 83 ε with AVX-512 in a state where one ε of the data moves q̈₀ by 18. On a light base 68
+    // ε with clang++, and there of 200 states (instead of these ten) median 2 and 95 % 15, but the worst 265 ε (g++
+    // 83), 21 times the data's sensitivity. With the springs' forces among the loads q̈₀ loses all digits at 1e15, in
+    // float at 1e9.
+    CHECK(of_qdd0 < (of_qdd0 < bound ? bound
+                     : on_base       ? 2 * bound
+                                     : 16 * sensitivity<Scalar>(parts, state, h, exact.qdd0)));
     CHECK(relative(value.Bhat, exact.Bhat) < bound);
   }
 }
@@ -141,7 +147,8 @@ double error_of_one(double stiffness)
   REQUIRE(fd.ok());
   // J q̈_0 − (τ + d q̈_s)/N = 0,  Θ q̈_1 + τ + d q̈_s = 0  with  q̈_s = q̈_1 − q̈_0/N, d = h²k
   using Long = long double;
-  const Long inertia = arm.body.inertia(2, 2), J = arm.motor.axial_inertia, N = 8, k = arm.stiffness, d = Long(h) * Long(h) * k;
+  const Long inertia = arm.body.inertia(2, 2), J = arm.motor.axial_inertia, N = 8, k = arm.stiffness,
+             d = Long(h) * Long(h) * k;
   const Long torque = k * (0.375L - 2 / N), determinant = J * inertia + d * (inertia / (N * N) + J);
   VectorX<long double> exact(2);
   exact << inertia * torque / N / determinant, -J * torque / determinant;

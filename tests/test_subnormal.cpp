@@ -1,5 +1,6 @@
 // PROGRAM: tests_light_base
-// Numbers too small for a full mantissa take a processor a hundred times as long: none come from what a robot's file rounds.
+// Numbers too small for a full mantissa take a processor a hundred times as long: none come from what a robot's file
+// rounds.
 #include "catch.hpp"
 #include "random_tree.hpp"
 

@@ -64,7 +64,9 @@ TEST_CASE("task accelerations are affine in the inputs", "[task]")
     const Eigen::MatrixXd JB = rows.J * affine.Bhat;
     const Eigen::MatrixXd JB_scale = rows.J.cwiseAbs() * affine.Bhat.cwiseAbs();
     for (Index j = 0; j < JB.cols(); ++j) {
-      for (Index i = 0; i < JB.rows(); ++i) { REQUIRE(std::abs(rows.JB(i, j) - JB(i, j)) <= 4 * n * eps * JB_scale(i, j)); }
+      for (Index i = 0; i < JB.rows(); ++i) {
+        REQUIRE(std::abs(rows.JB(i, j) - JB(i, j)) <= 4 * n * eps * JB_scale(i, j));
+      }
     }
 
     // V̇_t0 of points comes out of the pass, by sums along the path with terms of the path's size.
@@ -111,7 +113,9 @@ TEST_CASE("momentum of a robot in the air changes by gravity and external wrench
     std::vector<Index> contact_of(static_cast<std::size_t>(inputs.blocks()), -1);
     for (Index id = 0; id < inputs.blocks(); ++id) {
       const NamedInput& named = robot.inputs[static_cast<std::size_t>(id)];
-      if (named.kind != InputKind::motor) { contact_of[static_cast<std::size_t>(id)] = contacts.add_frame(named.name, named.point); }
+      if (named.kind != InputKind::motor) {
+        contact_of[static_cast<std::size_t>(id)] = contacts.add_frame(named.name, named.point);
+      }
     }
     REQUIRE(contacts(fd).ok());
 

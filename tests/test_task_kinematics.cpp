@@ -79,8 +79,8 @@ struct Spin {
 
 /// Poses of all subsystems, of all bodies, and the rotors' spins.
 struct Kinematics {
-  std::vector<Pose> frames;  ///< by subsystem
-  std::vector<Pose> bodies;  ///< axes of its carrier, centre of mass
+  std::vector<Pose> frames;          ///< by subsystem
+  std::vector<Pose> bodies;          ///< axes of its carrier, centre of mass
   std::vector<std::size_t> carrier;  ///< of a body: place in `carriers`
   std::vector<Pose> carriers;        ///< subsystem i: its inlet at 2i, its frame at 2i + 1
   std::vector<Body<Real>> body;
@@ -115,7 +115,9 @@ Kinematics kinematics(const Tree& tree, const VectorX<Real>& q, const VectorX<Re
     }
     if constexpr (detail::is_free<S>()) {
       pose.p += pose.R * q.template segment<3>(node.q);
-      pose.R = pose.R * Eigen::Quaternion<Real>(q(node.q + 6), q(node.q + 3), q(node.q + 4), q(node.q + 5)).normalized().toRotationMatrix();
+      pose.R = pose.R * Eigen::Quaternion<Real>(q(node.q + 6), q(node.q + 3), q(node.q + 4), q(node.q + 5))
+                            .normalized()
+                            .toRotationMatrix();
     } else if constexpr (S::pattern.angular) {
       pose.R = pose.R * turn(s.joint.axis.normalized(), q(node.q));
     } else if constexpr (S::pattern.linear) {
@@ -208,7 +210,8 @@ TEST_CASE("task rows are the derivatives of positions and momenta", "[task]")
       REQUIRE((tasks.placement(frame).p - frame_position(0)).norm() <= position_error);
       REQUIRE((tasks.placement(frame).R - frame_rotation(0)).norm() <= position_error);
       REQUIRE((V.segment<3>(row) - derivative(frame_position)).norm() <= rate_error);
-      REQUIRE((V.segment<3>(row + 3) - angular_velocity(frame_rotation(0), derivative(frame_rotation))).norm() <= rate_error);
+      REQUIRE((V.segment<3>(row + 3) - angular_velocity(frame_rotation(0), derivative(frame_rotation))).norm() <=
+              rate_error);
     }
 
     // Column by column: q̇ with one of its entries changed by one (moved() wants a base that turns).
@@ -234,7 +237,8 @@ TEST_CASE("task rows are the derivatives of positions and momenta", "[task]")
       const Matrix R = now.bodies[b].R;
       const Vector mv = now.body[b].mass * derivative(centre);
       p.head<3>() += mv;
-      p.tail<3>() += (now.bodies[b].p - com_at.p).cross(mv) + R * now.body[b].inertia * R.transpose() * carrier_omega(now.carrier[b]);
+      p.tail<3>() += (now.bodies[b].p - com_at.p).cross(mv) +
+                     R * now.body[b].inertia * R.transpose() * carrier_omega(now.carrier[b]);
     }
     for (const Spin& spin : now.spins) {
       p.tail<3>() += (spin.momentum + spin.inertia * spin.axis.dot(carrier_omega(spin.carrier))) * spin.axis;

@@ -22,7 +22,9 @@ namespace {
 Assembly<Base, Arm, Slide> robot(Random& random)
 {
   Assembly<Base, Arm, Slide> assembly;
-  const auto on = [&](const std::string& parent) { return Attachment<double>{parent, random.rotation(), random.vector(0.5)}; };
+  const auto on = [&](const std::string& parent) {
+    return Attachment<double>{parent, random.rotation(), random.vector(0.5)};
+  };
   assembly.add("torso", on("world"), Base{random.body()});
   assembly.add("left", on("torso"), Arm{{random.axis()}, random.body(), random.motor()});
   assembly.add("right", on("torso"), Arm{{random.axis()}, random.body(), random.motor()});
@@ -48,7 +50,8 @@ struct Numbers {
 
 /// Rows of all tasks at a state, with the pass and the tasks in one scene.
 template <Scene scene, class Tree>
-Numbers rows_in(const Tree& tree, const Eigen::VectorXd& q, const Eigen::VectorXd& qd, const Vec3& point, Workspace<Tree>& ws)
+Numbers rows_in(const Tree& tree, const Eigen::VectorXd& q, const Eigen::VectorXd& qd, const Vec3& point,
+                Workspace<Tree>& ws)
 {
   Inputs<Tree> inputs(tree);
   inputs.add_force("hand");

@@ -1,6 +1,6 @@
 // PROGRAM: tests_parallel
-// Links that are thin about their joint's axis, in the projected form: what is left of the inertia there is not the roundings of
-// what it is large in.
+// Links that are thin about their joint's axis, in the projected form: what is left of the inertia there is not the
+// roundings of what it is large in.
 #include "catch.hpp"
 #include "random_tree.hpp"
 
@@ -50,7 +50,8 @@ Parts<double> bars(int links, double width, Joints joints, bool floating, test::
     if (floating && k == 0) {
       assembly.add(name, on, FloatingBase<double>{bar});
     } else {
-      assembly.add(name, on, RevoluteLink<double>{{joints == Joints::in_turn ? test::Vec3::Unit(k % 3) : random.axis()}, bar});
+      assembly.add(name, on,
+                   RevoluteLink<double>{{joints == Joints::in_turn ? test::Vec3::Unit(k % 3) : random.axis()}, bar});
     }
   }
   return assembly;
@@ -137,10 +138,14 @@ Parts<double> in_line(double light, test::Random& random)
   body.com.setZero();
   body.mass = 0.3;
   body.inertia = test::Mat3::Identity() * (0.1 * light);
-  assembly.add("light", {"first", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{test::Vec3::UnitX()}, body});
-  assembly.add("in line", {"light", test::Mat3::Identity(), {0.4, 0, 0}}, RevoluteLink<double>{{test::Vec3::UnitX()}, random.body()});
-  assembly.add("arm", {"in line", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{random.axis()}, random.body()});
-  assembly.add("hand", {"arm", test::Mat3::Identity(), random.vector(0.3)}, RevoluteLink<double>{{random.axis()}, random.body()});
+  assembly.add("light", {"first", test::Mat3::Identity(), random.vector(0.3)},
+               RevoluteLink<double>{{test::Vec3::UnitX()}, body});
+  assembly.add("in line", {"light", test::Mat3::Identity(), {0.4, 0, 0}},
+               RevoluteLink<double>{{test::Vec3::UnitX()}, random.body()});
+  assembly.add("arm", {"in line", test::Mat3::Identity(), random.vector(0.3)},
+               RevoluteLink<double>{{random.axis()}, random.body()});
+  assembly.add("hand", {"arm", test::Mat3::Identity(), random.vector(0.3)},
+               RevoluteLink<double>{{random.axis()}, random.body()});
   return assembly;
 }
 
@@ -171,9 +176,9 @@ TEST_CASE("bars with joints along and across them keep their digits whatever the
     bool floating;
     int over;
     double worst;
-  } cases[] = {{15, 0.3, Joints::in_turn, false, 0, 16},    {31, 0.1, Joints::in_turn, false, 12, 64},
+  } cases[] = {{15, 0.3, Joints::in_turn, false, 0, 16},   {31, 0.1, Joints::in_turn, false, 12, 64},
                {31, 0.3, Joints::at_random, false, 6, 64}, {100, 0.3, Joints::at_random, false, 6, 64},
-               {5, 0.1, Joints::in_turn, true, 2, 24},      {8, 0.3, Joints::in_turn, true, 2, 24}};
+               {5, 0.1, Joints::in_turn, true, 2, 24},     {8, 0.3, Joints::in_turn, true, 2, 24}};
   for (const auto& c : cases) {
     CAPTURE(c.links, c.width, c.floating);
     const Errors found = errors(c.links, c.width, c.joints, c.floating);
@@ -366,8 +371,10 @@ TEST_CASE("a load on a FixedLink far out along a joint's axis: as if it were par
     Workspace ws(tree), single_ws(single);
     const auto fd = forward_dynamics(state.q, state.qd, ws), expected = forward_dynamics(state.q, state.qd, single_ws);
     REQUIRE(fd.ok());
-    CHECK(std::abs(fd.qdd0()(0) - expected.qdd0()(0)) <= 8 * std::numeric_limits<double>::epsilon() * std::abs(expected.qdd0()(0)));
-    // the inertia about the axis, from the bodies' own: the load's is 10⁻⁸ of what its distance makes of it across the axis
+    CHECK(std::abs(fd.qdd0()(0) - expected.qdd0()(0)) <=
+          8 * std::numeric_limits<double>::epsilon() * std::abs(expected.qdd0()(0)));
+    // the inertia about the axis, from the bodies' own: the load's is 10⁻⁸ of what its distance makes of it across the
+    // axis
     const auto about = [&](const Body<double>& b, const Placement<double>& p) -> double {
       const test::Vec3 a = p.R.transpose() * axis, r = p.R * b.com + p.p;
       return a.dot(b.inertia * a) + b.mass * axis.cross(r).squaredNorm();

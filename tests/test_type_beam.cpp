@@ -28,7 +28,9 @@ Eigen::VectorXd frequencies(const Beam& beam)
   const detail::Coordinates<Beam> q = detail::Coordinates<Beam>::Zero();
   const Eigen::MatrixXd M = detail::internal_inertia(beam, q).template bottomRightCorner<Beam::n_i, Beam::n_i>();
   const Eigen::MatrixXd K = beam.stiffness().asDiagonal();
-  return Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(K, M, Eigen::EigenvaluesOnly).eigenvalues().cwiseSqrt();
+  return Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(K, M, Eigen::EigenvaluesOnly)
+      .eigenvalues()
+      .cwiseSqrt();
 }
 
 /// Roots of cos β cosh β = −1, squared: Blevins, Formulas for Natural Frequency and Mode Shape, table 8-1.
@@ -87,7 +89,8 @@ TEST_CASE("A force on the tip bends a cantilever by FL³/3EI, a moment twists it
   CHECK(std::abs(ws.frame(0).R(2, 1) / (2e-6 * beam.length / 15) - 1) < 1e-7);
   // And there it stays: accelerations are small against those of the unbalanced beam.
   const Eigen::VectorXd balanced = forward_dynamics(q, Eigen::VectorXd::Zero(6), inputs, u, ws).qdd;
-  const Eigen::VectorXd loaded = forward_dynamics(Eigen::VectorXd::Zero(6), Eigen::VectorXd::Zero(6), inputs, u, ws).qdd;
+  const Eigen::VectorXd loaded =
+      forward_dynamics(Eigen::VectorXd::Zero(6), Eigen::VectorXd::Zero(6), inputs, u, ws).qdd;
   CHECK(balanced.norm() < 1e-6 * loaded.norm());
 }
 
@@ -126,8 +129,9 @@ TEST_CASE("A rotating beam stiffens as published; without shortening it does not
       };
       const auto [K, M] = stiffness_and_inertia();
       const Eigen::MatrixXd symmetric = (K + K.transpose()) / 2;
-      const double found = std::sqrt(
-          Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric, M, Eigen::EigenvaluesOnly).eigenvalues()(0));
+      const double found =
+          std::sqrt(Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric, M, Eigen::EigenvaluesOnly)
+                        .eigenvalues()(0));
       INFO("rate " << rate << ", found " << found << ", published " << frequency);
       if (shortening) {
         CHECK(std::abs(found - frequency) < 1e-4);  // the table's last digit, and 1e-5 for the differences

@@ -66,9 +66,11 @@ TEST_CASE("A coupled drive is links and rotors tied by its transmission")
     one.add("load", {"drive", load_on.R, load_on.p, 1}, load);
     // base, rotor0, link0, rotor1, link1, load
     all.add("base", {}, base);
-    all.add("rotor0", {"base", on.R, on.R * m.motor[0].com + on.p, 0}, RevoluteLink<double>{{m.motor[0].axis}, solid(m.motor[0])});
+    all.add("rotor0", {"base", on.R, on.R * m.motor[0].com + on.p, 0},
+            RevoluteLink<double>{{m.motor[0].axis}, solid(m.motor[0])});
     all.add("link0", on, RevoluteLink<double>{{m.axis[0]}, drive.body[0]});
-    all.add("rotor1", {"link0", Mat3::Identity(), m.motor[1].com, 0}, RevoluteLink<double>{{m.motor[1].axis}, solid(m.motor[1])});
+    all.add("rotor1", {"link0", Mat3::Identity(), m.motor[1].com, 0},
+            RevoluteLink<double>{{m.motor[1].axis}, solid(m.motor[1])});
     all.add("link1", {"link0", Mat3::Identity(), m.offset[1], 0}, RevoluteLink<double>{{m.axis[1]}, drive.body[1]});
     all.add("load", {"link1", load_on.R, load_on.p, 0}, load);
     const DynamicTree a(one), b(all);
@@ -107,6 +109,6 @@ TEST_CASE("Belt and differential transmissions turn what they should")
   drive.mechanism.carrier = {-1, 2};
   Assembly<Drive> parts;
   parts.add("hip", {}, drive);
-  CHECK_THROWS_WITH(DynamicTree(parts), Catch::Matchers::ContainsSubstring("hip") &&
-                                            Catch::Matchers::ContainsSubstring("frame 2"));
+  CHECK_THROWS_WITH(DynamicTree(parts),
+                    Catch::Matchers::ContainsSubstring("hip") && Catch::Matchers::ContainsSubstring("frame 2"));
 }

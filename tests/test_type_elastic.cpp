@@ -67,16 +67,16 @@ TEST_CASE("An elastic drive is a rotor and an arm with a spring between them")
     inputs.add_wrench("load");
     Inputs full(two);
     full.add_wrench("load");
-    REQUIRE(inputs.columns() == 9);   // base, motor, load, wrench
-    REQUIRE(full.columns() == 10);    // base, rotor, arm, load, wrench
+    REQUIRE(inputs.columns() == 9);  // base, motor, load, wrench
+    REQUIRE(full.columns() == 10);   // base, rotor, arm, load, wrench
     const RandomState state = random_state(one, 0, random, 2);
     const Answer x = solve(one, inputs, state.q, state.qd);
     const Answer y = solve(two, full, state.q, state.qd);
     REQUIRE(x.status == Status::ok);
     REQUIRE(y.status == Status::ok);
     const double ratio = drive.motor.gear_ratio;
-    const double torque = drive.stiffness * (state.q(2) - state.q(1) / ratio) +
-                          drive.damping * (state.qd(2) - state.qd(1) / ratio);
+    const double torque =
+        drive.stiffness * (state.q(2) - state.q(1) / ratio) + drive.damping * (state.qd(2) - state.qd(1) / ratio);
     Eigen::VectorXd u = Eigen::VectorXd::Zero(10);
     u(1) = torque / ratio;
     u(2) = -torque;
@@ -141,8 +141,8 @@ TEST_CASE("An elastic drive refuses wrong parameters")
     change(drive);
     ElasticParts parts;
     parts.add("ankle", {}, drive);
-    CHECK_THROWS_WITH(DynamicTree(parts), Catch::Matchers::ContainsSubstring("ankle") &&
-                                              Catch::Matchers::ContainsSubstring(words));
+    CHECK_THROWS_WITH(DynamicTree(parts),
+                      Catch::Matchers::ContainsSubstring("ankle") && Catch::Matchers::ContainsSubstring(words));
   };
   refuses([](Elastic& d) { d.stiffness = -3; }, "-3");
   refuses([](Elastic& d) { d.motor.gear_ratio = 0; }, "gear ratio");

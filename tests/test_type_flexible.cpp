@@ -60,8 +60,7 @@ TEST_CASE("A beam held straight is a rigid link")
     };
     Parts parts;
     parts.add("base", {}, base).add("link", on, RevoluteLink<double>{beam.joint, rod});
-    const DynamicTree rigid(
-        parts.add("load", {"link", load_on.R, load_on.p + Vec3(beam.length, 0, 0), 0}, load));
+    const DynamicTree rigid(parts.add("load", {"link", load_on.R, load_on.p + Vec3(beam.length, 0, 0), 0}, load));
     const auto free = flexible(0), damped = flexible(1);
     const RandomState state = random_state(rigid, 0, random, 2);
     Eigen::VectorXd q = Eigen::VectorXd::Zero(7), qd = q;

@@ -32,8 +32,9 @@ struct Scenario {
 
 Scenario scenario(Random& random)
 {
-  return {random.body(), random.body(), random.body(), random_attachment(random, "base"),
-          random_attachment(random, "link"), random.axis()};
+  return {
+      random.body(), random.body(), random.body(), random_attachment(random, "base"), random_attachment(random, "link"),
+      random.axis()};
 }
 
 template <class F>
@@ -257,8 +258,8 @@ TEST_CASE("Joints refuse what they cannot be")
     link.body.mass = 1;
     Assembly<decltype(link)> assembly;
     assembly.add("wrist", {}, link);
-    CHECK_THROWS_WITH(DynamicTree(assembly), Catch::Matchers::ContainsSubstring("wrist") &&
-                                                 Catch::Matchers::ContainsSubstring(words));
+    CHECK_THROWS_WITH(DynamicTree(assembly),
+                      Catch::Matchers::ContainsSubstring("wrist") && Catch::Matchers::ContainsSubstring(words));
   };
   refuses(HelicalLink<double>{{Vec3(1, 1, 0), 0.1}, {}}, "unit vector");
   refuses(HelicalLink<double>{{Vec3::UnitX(), std::numeric_limits<double>::infinity()}, {}}, "lead");

@@ -14,18 +14,20 @@ using namespace iim::test;
 
 namespace {
 
-using Parts = Assembly<RevoluteLink<double>, FourBar<double>, SliderCrank<double>, ActuatedLever<double>,
-                       ParallelAnkle<double>>;
+using Parts =
+    Assembly<RevoluteLink<double>, FourBar<double>, SliderCrank<double>, ActuatedLever<double>, ParallelAnkle<double>>;
 
 Body<double> box() { return {1, Vec3(0.1, 0, 0), 0.02 * Mat3::Identity(), false}; }
 
-/// A hinge that carries the mechanism: number 1 in the tree. Its states in turn, good ones (true) and such as it refuses.
+/// A hinge that carries the mechanism: number 1 in the tree. Its states in turn, good ones (true) and such as it
+/// refuses.
 template <class Mechanism>
 void answers(Mechanism mechanism, const std::vector<std::pair<Eigen::VectorXd, bool>>& states)
 {
   for (Body<double>& body : mechanism.body) { body = box(); }
   Parts parts;
-  const DynamicTree tree(parts.add("base", {}, RevoluteLink<double>{{Vec3::UnitY()}, box()}).add("loop", {"base"}, mechanism));
+  const DynamicTree tree(
+      parts.add("base", {}, RevoluteLink<double>{{Vec3::UnitY()}, box()}).add("loop", {"base"}, mechanism));
   const Inputs inputs(tree);
   Workspace ws(tree);
   ImplicitInversion method(tree, inputs);
@@ -100,7 +102,9 @@ TEST_CASE("A four-bar refuses angles out of reach and dead centres")
   FourBar<double> bars;
   bars.mechanism = {{}, {1, 0}, 0.4, 0.5, 0.5, 1};
   const double dead = std::acos(0.2);  // B is 1 m from D there, coupler and rocker in line
-  answers(bars, {{at(0.3), true}, {at(3), false}, {at(0.3), true}, {at(dead), false}, {at(dead - 1e-3), true}, {at(0.3), true}});
+  answers(
+      bars,
+      {{at(0.3), true}, {at(3), false}, {at(0.3), true}, {at(dead), false}, {at(dead - 1e-3), true}, {at(0.3), true}});
 }
 
 TEST_CASE("A slider-crank refuses angles where its rod is too short, and where it stands across the guide")
@@ -133,11 +137,15 @@ TEST_CASE("A parallel ankle refuses what a rod cannot reach, and a rod in line w
   const auto tilt = [](double first, double second) { return Eigen::VectorXd(Eigen::Vector2d(first, second)); };
   // About y by t the rod's end is at 0.05 (−cos t, 0, sin t): in line with the crank where it is 0.3 m off the hinge.
   //     0.05² + 0.25² − 0.025 sin t = 0.3²   for none; 0.2²: sin t = 1, t = π/2
-  answers(ankle, {{tilt(0.2, 0.1), true}, {tilt(std::acos(0.0), 0), false}, {tilt(1.2, 0), true}, {tilt(0.2, 0.1), true}});
+  answers(ankle,
+          {{tilt(0.2, 0.1), true}, {tilt(std::acos(0.0), 0), false}, {tilt(1.2, 0), true}, {tilt(0.2, 0.1), true}});
   // The same with a rod of 0.22 m: sin t = (0.065 − 0.27²)/0.025 < 0 is where it is fully out.
   for (PushRod<double>& r : ankle.mechanism.rod) { r.rod = 0.22; }
   const double out = std::asin((0.065 - 0.27 * 0.27) / 0.025);
-  answers(ankle, {{tilt(0.2, 0.1), true}, {tilt(out - 0.1, 0), false}, {tilt(out, 0), false}, {tilt(out + 0.01, 0), true},
+  answers(ankle, {{tilt(0.2, 0.1), true},
+                  {tilt(out - 0.1, 0), false},
+                  {tilt(out, 0), false},
+                  {tilt(out + 0.01, 0), true},
                   {tilt(0.2, 0.1), true}});
 }
 

@@ -53,7 +53,8 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
     const Attachment<double> on = random_attachment(random, "base"), load_on = random_attachment(random, "foot");
     const Placement<double> at{on.R, on.p};
 
-    // A rotor of 0.3 kg, a little thicker than the disc that turns in the ankle: what does not spin is of the shank there.
+    // A rotor of 0.3 kg, a little thicker than the disc that turns in the ankle: what does not spin is of the shank
+    // there.
     FrameMass<double> whole;
     whole.add(shank);
     std::vector<MujocoPart> parts{{"base", "", {}, {{"hinge", base_axis}}, shank},
@@ -68,12 +69,19 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
       const Placement<double> hinge = at * Placement<double>{Mat3::Identity(), r.hinge};
       whole.add({0.3, hinge.p, on.R * (0.1 * across_axis) * on.R.transpose(), false});
       parts.push_back({crank, "base", hinge, {{"hinge", r.axis}}, ankle.body[j + 1]});
-      parts.push_back({"rotor" + number, "base", hinge, {{"hinge", r.axis}},
+      parts.push_back({"rotor" + number,
+                       "base",
+                       hinge,
+                       {{"hinge", r.axis}},
                        {0.3, Vec3::Zero(), r.rotor_inertia * along + 0.6 * across_axis, false}});
       // The rod along z of its frame at zero, on a universal joint; MuJoCo wants it to have some inertia about itself.
-      const Mat3 turn = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), r.foot - r.hinge - r.crank).toRotationMatrix();
+      const Mat3 turn =
+          Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), r.foot - r.hinge - r.crank).toRotationMatrix();
       const double across = r.rod_mass * r.rod * r.rod / 12;
-      parts.push_back({rod, crank, {turn, r.crank}, {{"hinge", Vec3::UnitX()}, {"hinge", Vec3::UnitY()}},
+      parts.push_back({rod,
+                       crank,
+                       {turn, r.crank},
+                       {{"hinge", Vec3::UnitX()}, {"hinge", Vec3::UnitY()}},
                        {r.rod_mass, Vec3(0, 0, r.rod / 2), Vec3(across, across, 1e-14).asDiagonal(), false}});
       loops.push_back({rod, Vec3(0, 0, r.rod), "foot", r.foot});
       ties.push_back({"rotor" + number, 0, crank, 0, r.gear_ratio});
@@ -99,7 +107,9 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
     std::vector<Index> dependent;
     for (const std::string number : {"0", "1"}) {
       for (const char* body : {"crank", "rotor", "rod"}) {
-        for (Index j = 0; j < robot.count_of(body + number); ++j) { dependent.push_back(robot.v_of(body + number) + j); }
+        for (Index j = 0; j < robot.count_of(body + number); ++j) {
+          dependent.push_back(robot.v_of(body + number) + j);
+        }
       }
     }
     // From zero in steps, so that Newton stays on the branch.

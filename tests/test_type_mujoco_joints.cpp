@@ -16,9 +16,9 @@ namespace {
 constexpr int states = 100;
 constexpr std::uint64_t seed = 87;
 
-using Parts = Assembly<RevoluteLink<double>, PrismaticLink<double>, FloatingBase<double>, FixedLink<double>,
-                       HelicalLink<double>, CylindricalLink<double>, UniversalLink<double>, PlanarLink<double>,
-                       SphericalLink<double>>;
+using Parts =
+    Assembly<RevoluteLink<double>, PrismaticLink<double>, FloatingBase<double>, FixedLink<double>, HelicalLink<double>,
+             CylindricalLink<double>, UniversalLink<double>, PlanarLink<double>, SphericalLink<double>>;
 
 /// base (free) – link, the joint under test – load (hinge). Largest difference of all rows over random states, for
 /// moments and forces on the joint and a wrench on the load.
@@ -104,18 +104,21 @@ TEST_CASE("Revolute, prismatic, cylindrical, universal and planar joints are MuJ
   CHECK(difference(random, PrismaticLink<double>{{axis}, body}, {{"slide", axis}}) < tolerance);
   CHECK(difference(random, CylindricalLink<double>{{axis}, body}, {{"hinge", axis}, {"slide", axis}}) < tolerance);
   CHECK(difference(random, UniversalLink<double>{{axis, x}, body}, {{"hinge", axis}, {"hinge", x}}) < tolerance);
-  CHECK(difference(random, UniversalLink<double>{{axis, oblique}, body}, {{"hinge", axis}, {"hinge", oblique}}) < tolerance);
+  CHECK(difference(random, UniversalLink<double>{{axis, oblique}, body}, {{"hinge", axis}, {"hinge", oblique}}) <
+        tolerance);
   CHECK(difference(random, PlanarLink<double>{{axis, x}, body},
                    {{"slide", x}, {"slide", axis.cross(x)}, {"hinge", axis}}) < tolerance);
 }
 
-TEST_CASE("A helical joint is MuJoCo's hinge and slide with a joint constraint; spherical and free are its ball and free")
+TEST_CASE(
+    "A helical joint is MuJoCo's hinge and slide with a joint constraint; spherical and free are its ball and free")
 {
   INFO("seed " << seed + 1);
   Random random(seed + 1);
   const Vec3 axis = random.unit();
   const Body<double> body = random.body();
-  CHECK(difference(random, HelicalLink<double>{{axis, 0.15}, body}, {{"hinge", axis}, {"slide", axis}}, 0.15) < tolerance);
+  CHECK(difference(random, HelicalLink<double>{{axis, 0.15}, body}, {{"hinge", axis}, {"slide", axis}}, 0.15) <
+        tolerance);
   SphericalLink<double> ball;
   ball.body = body;
   CHECK(difference(random, ball, {{"ball"}}) < tolerance);

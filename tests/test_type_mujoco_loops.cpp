@@ -29,19 +29,16 @@ Plane<double> random_plane(Random& random)
   return plane;
 }
 
-/// base – mechanism under the name "crank", with a load on its frame 0. The tree of bodies that MuJoCo gets has the same
-/// base, crank and load, and `rest`, whose bodies follow from the loop.
+/// base – mechanism under the name "crank", with a load on its frame 0. The tree of bodies that MuJoCo gets has the
+/// same base, crank and load, and `rest`, whose bodies follow from the loop.
 struct Surroundings {
   RevoluteLink<double> base, load;
   Attachment<double> on, load_on;
   Vec3 gravity;
 
   explicit Surroundings(Random& random)
-      : base{{random.unit()}, random.body()},
-        load{{random.unit()}, random.body()},
-        on(random_attachment(random, "base")),
-        load_on(random_attachment(random, "crank")),
-        gravity(random.vector(10))
+      : base{{random.unit()}, random.body()}, load{{random.unit()}, random.body()},
+        on(random_attachment(random, "base")), load_on(random_attachment(random, "crank")), gravity(random.vector(10))
   {
   }
 
@@ -88,10 +85,7 @@ struct Surroundings {
 /// To a tenth: which of the two ways to close is meant, and no more.
 double rough(double x) { return std::round(10 * x) / 10; }
 
-Placement<double> placed(const Surroundings& s, const Vec3& point)
-{
-  return {s.on.R, s.on.R * point + s.on.p};
-}
+Placement<double> placed(const Surroundings& s, const Vec3& point) { return {s.on.R, s.on.R * point + s.on.p}; }
 
 }  // namespace
 
@@ -103,7 +97,7 @@ TEST_CASE("A four-bar is what MuJoCo has for crank, coupler and rocker with a co
   for (int k = 0; k < states; ++k) {
     FourBar<double> bars;
     auto& m = bars.mechanism;
-    m = {random_plane(random), {0.8, 0.6}, 0.4, random.uniform(0.8, 0.95), random.uniform(0.75, 0.9),
+    m = {random_plane(random),           {0.8, 0.6}, 0.4, random.uniform(0.8, 0.95), random.uniform(0.75, 0.9),
          random.chance(0.5) ? 1.0 : -1.0};
     for (Body<double>& body : bars.body) { body = random.body(); }
     Surroundings around(random);
@@ -112,17 +106,20 @@ TEST_CASE("A four-bar is what MuJoCo has for crank, coupler and rocker with a co
     // Triangle D B C, by the law of cosines.
     const Eigen::Vector2d B = m.crank * Eigen::Vector2d(std::cos(q), std::sin(q)), d = B - m.ground;
     const double L = d.norm();
-    const double rocker = std::atan2(d.y(), d.x()) +
-                          m.side * std::acos((m.rocker * m.rocker + L * L - m.coupler * m.coupler) / (2 * m.rocker * L));
+    const double rocker =
+        std::atan2(d.y(), d.x()) +
+        m.side * std::acos((m.rocker * m.rocker + L * L - m.coupler * m.coupler) / (2 * m.rocker * L));
     const Eigen::Vector2d C = m.ground + m.rocker * Eigen::Vector2d(std::cos(rocker), std::sin(rocker));
     const double coupler = std::atan2(C.y() - B.y(), C.x() - B.x());
-    worst = std::max(worst, around.difference(
-        random, bars, q,
-        {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, bars.body[0]},
-         {"coupler", "crank", {Mat3::Identity(), m.crank * x}, {{"hinge", n}}, bars.body[1]},
-         {"rocker", "base", placed(around, m.ground(0) * x + m.ground(1) * y), {{"hinge", n}}, bars.body[2]}},
-        {{"coupler", m.coupler * x, "rocker", m.rocker * x}}, {{"coupler", rough(coupler - q)}, {"rocker", rough(rocker)}},
-        "crank"));
+    worst = std::max(
+        worst,
+        around.difference(
+            random, bars, q,
+            {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, bars.body[0]},
+             {"coupler", "crank", {Mat3::Identity(), m.crank * x}, {{"hinge", n}}, bars.body[1]},
+             {"rocker", "base", placed(around, m.ground(0) * x + m.ground(1) * y), {{"hinge", n}}, bars.body[2]}},
+            {{"coupler", m.coupler * x, "rocker", m.rocker * x}},
+            {{"coupler", rough(coupler - q)}, {"rocker", rough(rocker)}}, "crank"));
   }
   INFO("largest difference " << worst);
   CHECK(worst < tolerance);
@@ -136,7 +133,8 @@ TEST_CASE("A slider-crank is what MuJoCo has for crank, rod and slider with a co
   for (int k = 0; k < states; ++k) {
     SliderCrank<double> slider;
     auto& m = slider.mechanism;
-    m = {random_plane(random), 0.3, random.uniform(0.5, 0.7), random.uniform(-0.1, 0.1), random.chance(0.5) ? 1.0 : -1.0};
+    m = {random_plane(random), 0.3, random.uniform(0.5, 0.7), random.uniform(-0.1, 0.1),
+         random.chance(0.5) ? 1.0 : -1.0};
     for (Body<double>& body : slider.body) { body = random.body(); }
     Surroundings around(random);
     const Vec3 x = m.plane.x, n = m.plane.normal, y = n.cross(x);
@@ -144,12 +142,13 @@ TEST_CASE("A slider-crank is what MuJoCo has for crank, rod and slider with a co
     const double sine = (m.offset - m.crank * std::sin(q)) / m.rod;
     const double rod = m.side > 0 ? std::asin(sine) : std::acos(-1.0) - std::asin(sine);
     const double reach = m.crank * std::cos(q) + m.rod * std::cos(rod);
-    worst = std::max(worst, around.difference(
-        random, slider, q,
-        {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, slider.body[0]},
-         {"rod", "crank", {Mat3::Identity(), m.crank * x}, {{"hinge", n}}, slider.body[1]},
-         {"slider", "base", placed(around, m.offset * y), {{"slide", x}}, slider.body[2]}},
-        {{"rod", m.rod * x, "slider", Vec3::Zero()}}, {{"rod", rough(rod - q)}, {"slider", rough(reach)}}, "crank"));
+    worst = std::max(
+        worst, around.difference(random, slider, q,
+                                 {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, slider.body[0]},
+                                  {"rod", "crank", {Mat3::Identity(), m.crank * x}, {{"hinge", n}}, slider.body[1]},
+                                  {"slider", "base", placed(around, m.offset * y), {{"slide", x}}, slider.body[2]}},
+                                 {{"rod", m.rod * x, "slider", Vec3::Zero()}},
+                                 {{"rod", rough(rod - q)}, {"slider", rough(reach)}}, "crank"));
   }
   INFO("largest difference " << worst);
   CHECK(worst < tolerance);
@@ -170,13 +169,15 @@ TEST_CASE("An actuated lever is what MuJoCo has for lever, cylinder and piston w
     const Vec3 x = m.plane.x, n = m.plane.normal, y = n.cross(x);
     const double q = random.uniform(-1, 1);
     const Eigen::Vector2d way = Eigen::Rotation2Dd(q) * m.pin - m.pivot;
-    worst = std::max(worst, around.difference(
-        random, lever, q,
-        {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, lever.body[0]},
-         {"cylinder", "base", placed(around, m.pivot(0) * x + m.pivot(1) * y), {{"hinge", n}}, lever.body[1]},
-         {"piston", "cylinder", {}, {{"slide", x}}, lever.body[2]}},
-        {{"piston", Vec3::Zero(), "crank", m.pin(0) * x + m.pin(1) * y}},
-        {{"cylinder", rough(std::atan2(way.y(), way.x()))}, {"piston", rough(way.norm())}}, "piston"));
+    worst = std::max(
+        worst,
+        around.difference(
+            random, lever, q,
+            {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, lever.body[0]},
+             {"cylinder", "base", placed(around, m.pivot(0) * x + m.pivot(1) * y), {{"hinge", n}}, lever.body[1]},
+             {"piston", "cylinder", {}, {{"slide", x}}, lever.body[2]}},
+            {{"piston", Vec3::Zero(), "crank", m.pin(0) * x + m.pin(1) * y}},
+            {{"cylinder", rough(std::atan2(way.y(), way.x()))}, {"piston", rough(way.norm())}}, "piston"));
   }
   INFO("largest difference " << worst);
   CHECK(worst < tolerance);

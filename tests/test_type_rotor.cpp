@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint64_t seed = 98;
 using RotorParts = Assembly<FloatingBase<double>, RevoluteLink<double>, PrismaticLink<double>, MotorArm<double>,
-                       LinearMotorArm<double>>;
+                            LinearMotorArm<double>>;
 
 /// base (free) – arm – load as one tree, base – (rotor, arm – load) as the other; rows q̈₀, B̂ for motors and a wrench.
 template <class Arm, class Link>
@@ -67,7 +67,9 @@ double difference(Random& random)
   Motor<double> still = motor;
   still.gear_ratio = 0;
   RotorParts without;
-  without.add("base", {}, FloatingBase<double>{base}).add("arm", on, Arm{joint, body, still}).add("load", load_on, load);
+  without.add("base", {}, FloatingBase<double>{base})
+      .add("arm", on, Arm{joint, body, still})
+      .add("load", load_on, load);
   without.set_gravity(gravity);
   const DynamicTree c(without);
   REQUIRE(relative_error(solve(c, Inputs(c), state.q, state.qd).qdd0, x.qdd0) > 1e-6);

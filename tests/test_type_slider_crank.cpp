@@ -47,12 +47,8 @@ struct Surroundings {
   Vec3 x, y, n;
 
   Surroundings(Random& random, const Plane<double>& plane)
-      : base{{random.unit()}, random.body()},
-        load{{random.unit()}, random.body()},
-        on(random_attachment(random, "base")),
-        load_on(random_attachment(random, "crank")),
-        x(plane.x),
-        y(plane.y()),
+      : base{{random.unit()}, random.body()}, load{{random.unit()}, random.body()},
+        on(random_attachment(random, "base")), load_on(random_attachment(random, "crank")), x(plane.x), y(plane.y()),
         n(plane.normal)
   {
   }
@@ -99,15 +95,16 @@ TEST_CASE("An actuated lever is a cut tree with Lagrange multipliers")
     const DynamicTree a(closed), b(open);
     // By triangles: length and direction of the actuator, and their rates.
     const double q = random.uniform(-1, 1), qd = random.uniform(-2, 2);
-    const Eigen::Vector2d C = Eigen::Rotation2Dd(q) * m.pin, way = C - m.pivot, Cdot = qd * Eigen::Vector2d(-C.y(), C.x());
+    const Eigen::Vector2d C = Eigen::Rotation2Dd(q) * m.pin, way = C - m.pivot,
+                          Cdot = qd * Eigen::Vector2d(-C.y(), C.x());
     const double length = way.norm();
     Eigen::VectorXd state(5), rate(5);
     state << random.uniform(-1, 1), q, random.uniform(-1, 1), std::atan2(way.y(), way.x()), length;
-    rate << random.uniform(-1, 1), qd, random.uniform(-1, 1), (way.x() * Cdot.y() - way.y() * Cdot.x()) / length / length,
-        way.dot(Cdot) / length;
-    const Multipliers reference =
-        cut_loops(b, inputs_of(b, "piston"), {{"piston", Vec3::Zero(), "crank", m.pin(0) * s.x + m.pin(1) * s.y,
-                                               s.directions(state(0))}}, state, rate);
+    rate << random.uniform(-1, 1), qd, random.uniform(-1, 1),
+        (way.x() * Cdot.y() - way.y() * Cdot.x()) / length / length, way.dot(Cdot) / length;
+    const Multipliers reference = cut_loops(
+        b, inputs_of(b, "piston"),
+        {{"piston", Vec3::Zero(), "crank", m.pin(0) * s.x + m.pin(1) * s.y, s.directions(state(0))}}, state, rate);
     REQUIRE(reference.gap < 100 * eps);
     REQUIRE(reference.speed < 1000 * eps);
     const Answer answer = solve(a, inputs_of(a, "crank"), state.head(3), rate.head(3));
@@ -137,7 +134,8 @@ TEST_CASE("A slider-crank is a cut tree with Lagrange multipliers, and refuses w
     const double turning = -m.crank * std::cos(q) * qd / (m.rod * std::cos(angle));
     // base, crank, rod or load (whichever was added first), slider
     Eigen::VectorXd state(5), rate(5);
-    state << random.uniform(-1, 1), q, random.uniform(-1, 1), angle - q, m.crank * std::cos(q) + m.rod * std::cos(angle);
+    state << random.uniform(-1, 1), q, random.uniform(-1, 1), angle - q,
+        m.crank * std::cos(q) + m.rod * std::cos(angle);
     rate << random.uniform(-1, 1), qd, random.uniform(-1, 1), turning - qd,
         -m.crank * std::sin(q) * qd - m.rod * std::sin(angle) * turning;
     const Multipliers reference = cut_loops(

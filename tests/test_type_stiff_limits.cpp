@@ -56,7 +56,8 @@ Tree robot(std::uint64_t seed, const Part& part, const Vec3& outlet)
   return Tree(parts);
 }
 
-/// Compares base, joint and load (their rows) for stiffnesses 1, 10 and 100; `natural` [rad/s]: quickest oscillation for 1.
+/// Compares base, joint and load (their rows) for stiffnesses 1, 10 and 100; `natural` [rad/s]: quickest oscillation
+/// for 1.
 template <class Make>
 void converges(const Tree& rigid, const Make& make, const std::array<Index, 3>& rows, double duration, double natural)
 {
@@ -94,11 +95,12 @@ TEST_CASE("An elastic motor-arm with a stiff spring moves as a motor-arm")
     const Body<double> body{2, random.vector(0.3), Vec3(0.1, 0.12, 0.15).asDiagonal(), false};
     INFO("seed " << seed);
     // The rotor is 2 kg m² at the joint, the arm down to 0.1: up to √(1e5/0.1) rad/s.
-    converges(robot(seed, MotorArm<double>{joint, body, motor}, Vec3(0.2, 0.1, 0)),
-              [&](double stiffer) {
-                return robot(seed, ElasticMotorArm<double>{joint, body, motor, 1e5 * stiffer, 0}, Vec3(0.2, 0.1, 0));
-              },
-              {0, 2, 3}, 0.1, 1000);
+    converges(
+        robot(seed, MotorArm<double>{joint, body, motor}, Vec3(0.2, 0.1, 0)),
+        [&](double stiffer) {
+          return robot(seed, ElasticMotorArm<double>{joint, body, motor, 1e5 * stiffer, 0}, Vec3(0.2, 0.1, 0));
+        },
+        {0, 2, 3}, 0.1, 1000);
   }
 }
 
@@ -116,11 +118,12 @@ TEST_CASE("A flexible link of high stiffness moves as a rigid link")
     rod.inertia.diagonal() << 0.6 * 2e-3, 0.6e-3 + across, 0.6e-3 + across;
     INFO("seed " << seed);
     // 3.5 √(EI/ρAL⁴) = 500 rad/s and less for the load.
-    converges(robot(seed, RevoluteLink<double>{beam.joint, rod}, Vec3(0.6, 0, 0)),
-              [&](double stiffer) {
-                beam.bending_y = beam.bending_z = 1e4 * stiffer;
-                return robot(seed, beam, Vec3::Zero());
-              },
-              {0, 1, 4}, 0.1, 1000);
+    converges(
+        robot(seed, RevoluteLink<double>{beam.joint, rod}, Vec3(0.6, 0, 0)),
+        [&](double stiffer) {
+          beam.bending_y = beam.bending_z = 1e4 * stiffer;
+          return robot(seed, beam, Vec3::Zero());
+        },
+        {0, 1, 4}, 0.1, 1000);
   }
 }

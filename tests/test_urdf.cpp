@@ -288,10 +288,12 @@ TEST_CASE("an inertia that no body can have is kept as it is where no moment is 
   CHECK(r.warnings[0].find("'a': one principal moment") != std::string::npos);
   CHECK(part<RevoluteLink<double>>(r, "a").body.inertia(0, 1) == 0.0018);
   CHECK(r.tree().n_v() == 1);
-  CHECK_THROWS_AS(parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0058")) + joints)), ModelError);
+  CHECK_THROWS_AS(parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0058")) + joints)),
+                  ModelError);
   // not made good by what is merged with it
-  const auto merged = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0018")) + link_xml("b", inertial_with("0")) +
-                                                   joints + joint_xml("f", "fixed", "a", "b")));
+  const auto merged =
+      parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", inertial_with("0.0018")) +
+                                   link_xml("b", inertial_with("0")) + joints + joint_xml("f", "fixed", "a", "b")));
   CHECK(merged.warnings.size() == 2);
   CHECK(part<RevoluteLink<double>>(merged, "a").body.mass == 2.8);
   CHECK(merged.tree().n_v() == 1);
@@ -314,7 +316,8 @@ TEST_CASE("a frame that a file gives an inertia without a mass is forgiven likew
 TEST_CASE("a point mass may be given moments that are roundings of zero")
 {
   const auto moments = [](const std::string& ixx) {
-    return "<inertial><mass value='2'/><inertia ixx='" + ixx + "' ixy='0' ixz='0' iyy='3e-20' iyz='0' izz='0'/></inertial>";
+    return "<inertial><mass value='2'/><inertia ixx='" + ixx +
+           "' ixy='0' ixz='0' iyy='3e-20' iyz='0' izz='0'/></inertial>";
   };
   const auto robot = [&](const std::string& ixx) {
     return robot_xml(link_xml("base") + link_xml("a", moments(ixx)) + joint_xml("j", "continuous", "base", "a"));
@@ -335,8 +338,9 @@ TEST_CASE("white space about numbers is none of theirs")
 {
   const auto r = parse_urdf<double>(
       robot_xml(link_xml("base") +
-                link_xml("a", "<inertial><origin xyz='0.1\t0\n 0\r\n'/><mass value=' 2 '/><inertia ixx='0.01 ' "
-                              "ixy='0' ixz=' 0' iyy='0.02' iyz='0' izz='0.025'/></inertial>") +
+                link_xml("a",
+                         "<inertial><origin xyz='0.1\t0\n 0\r\n'/><mass value=' 2 '/><inertia ixx='0.01 ' "
+                         "ixy='0' ixz=' 0' iyy='0.02' iyz='0' izz='0.025'/></inertial>") +
                 joint_xml("j", "continuous", "base", "a", "<origin xyz='1 2\t3'/><axis xyz='0 0 1 '/>")));
   const Body<double>& body = part<RevoluteLink<double>>(r, "a").body;
   CHECK(body.mass == 2);
@@ -349,8 +353,9 @@ TEST_CASE("white space about numbers is none of theirs")
 
 TEST_CASE("axes that were written to a few digits are unit vectors")
 {
-  const auto r = parse_urdf<double>(robot_xml(
-      link_xml("base") + link_xml("a") + joint_xml("j", "continuous", "base", "a", "<axis xyz='0.577 0.577 -0.577'/>")));
+  const auto r =
+      parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a") +
+                                   joint_xml("j", "continuous", "base", "a", "<axis xyz='0.577 0.577 -0.577'/>")));
   CHECK((part<RevoluteLink<double>>(r, "a").joint.axis - vec(1, 1, -1) / std::numbers::sqrt3).norm() <= 4 * eps);
 }
 
@@ -374,10 +379,10 @@ TEST_CASE("a motor without inertia takes nothing out of a link without mass")
   UrdfOptions<double> options;
   options.rotors_in_links = true;
   options.motors["k"].gear_ratio = 50;
-  const auto r = parse_urdf<double>(
-      robot_xml(link_xml("base") + link_xml("cross", "") + link_xml("a") + joint_xml("j", "continuous", "base", "cross") +
-                joint_xml("k", "continuous", "cross", "a", "<axis xyz='0 0 1'/>")),
-      options);
+  const auto r = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("cross", "") + link_xml("a") +
+                                              joint_xml("j", "continuous", "base", "cross") +
+                                              joint_xml("k", "continuous", "cross", "a", "<axis xyz='0 0 1'/>")),
+                                    options);
   CHECK(r.tree().n_v() == 2);
 }
 

@@ -122,12 +122,14 @@ TEST_CASE("transmissions that no single moving joint has are left out with a war
   REQUIRE(none.size() == 1);
   CHECK(none[0].find("'gripper': names 0 joints") != std::string::npos);
 
-  const auto absent = warnings_of(parse_urdf<double>(arm("<transmission name='cut'><joint name='ghost'/></transmission>")), 2);
+  const auto absent =
+      warnings_of(parse_urdf<double>(arm("<transmission name='cut'><joint name='ghost'/></transmission>")), 2);
   REQUIRE(absent.size() == 1);
   CHECK(absent[0].find("'cut': there is no joint 'ghost'") != std::string::npos);
 
   const std::string rotor =
-      "<transmission name='t'><joint name='j2'/><actuator name='m'><rotorInertia>1e-5</rotorInertia></actuator></transmission>";
+      "<transmission name='t'><joint name='j2'/><actuator "
+      "name='m'><rotorInertia>1e-5</rotorInertia></actuator></transmission>";
   const auto fixed = warnings_of(parse_urdf<double>(arm(rotor, "fixed")), 1);
   REQUIRE(fixed.size() == 1);
   CHECK(fixed[0].find("joint 'j2'") != std::string::npos);

@@ -58,7 +58,8 @@ public:
       : connections_(connections)
   {
     std::ostringstream xml;
-    xml << "<mujoco><compiler angle='radian' inertiafromgeom='false' balanceinertia='false' boundmass='0' boundinertia='0'/>"
+    xml << "<mujoco><compiler angle='radian' inertiafromgeom='false' balanceinertia='false' boundmass='0' "
+           "boundinertia='0'/>"
         << "<option jacobian='dense' gravity='" << text(gravity) << "'/><worldbody>";
     write(xml, parts, "");
     xml << "</worldbody><equality>";
@@ -85,8 +86,9 @@ public:
   Index v_of(const std::string& body) const { return model_->body_dofadr[id(body)]; }
   Index count_of(const std::string& body) const { return model_->body_dofnum[id(body)]; }
 
-  /// Moves the velocities `dependent` (numbers of hinges and slides) until all loops are closed, then sets their rates. By
-  /// Newton on MuJoCo's own residuals and Jacobian, from where they stand in q. False if it does not close to 1e-15 m.
+  /// Moves the velocities `dependent` (numbers of hinges and slides) until all loops are closed, then sets their rates.
+  /// By Newton on MuJoCo's own residuals and Jacobian, from where they stand in q. False if it does not close to 1e-15
+  /// m.
   bool close(Eigen::VectorXd& q, Eigen::VectorXd& qd, const std::vector<Index>& dependent)
   {
     const auto columns = [&] {
@@ -97,9 +99,7 @@ public:
     for (int iteration = 0; iteration < 30; ++iteration) {
       set(q, qd);
       const Eigen::VectorXd step = decompose(columns()).solve(residual_);
-      for (std::size_t k = 0; k < dependent.size(); ++k) {
-        q(q_of_v(dependent[k])) -= step(static_cast<Index>(k));
-      }
+      for (std::size_t k = 0; k < dependent.size(); ++k) { q(q_of_v(dependent[k])) -= step(static_cast<Index>(k)); }
       if (step.norm() < 1e-15 * (1 + q.norm())) { break; }
     }
     for (const Index k : dependent) { qd(k) = 0; }
@@ -198,7 +198,8 @@ private:
   {
     for (const MujocoPart& part : parts) {
       if (part.parent != parent) { continue; }
-      xml << "<body name='" << part.name << "' pos='" << text(part.at.p) << "' quat='" << text(quaternion(part.at.R)) << "'>";
+      xml << "<body name='" << part.name << "' pos='" << text(part.at.p) << "' quat='" << text(quaternion(part.at.R))
+          << "'>";
       // Principal axes from here: MuJoCo's own are good to 1e-7.
       const Eigen::SelfAdjointEigenSolver<Mat3> principal(part.body.inertia);
       Mat3 axes = principal.eigenvectors();
@@ -213,8 +214,12 @@ private:
       }
       for (std::size_t c = 0; c < connections_.size(); ++c) {
         const Connection& connection = connections_[c];
-        if (connection.a == part.name) { xml << "<site name='a" << c << "' pos='" << text(connection.point_a) << "'/>"; }
-        if (connection.b == part.name) { xml << "<site name='b" << c << "' pos='" << text(connection.point_b) << "'/>"; }
+        if (connection.a == part.name) {
+          xml << "<site name='a" << c << "' pos='" << text(connection.point_a) << "'/>";
+        }
+        if (connection.b == part.name) {
+          xml << "<site name='b" << c << "' pos='" << text(connection.point_b) << "'/>";
+        }
       }
       write(xml, parts, part.name);
       xml << "</body>";

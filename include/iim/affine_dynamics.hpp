@@ -16,8 +16,8 @@ namespace iim {
 namespace detail {
 
 /// From a column of B̂ to the next: built-in numbers begin at a register's boundary. Stores across two lines of the
-/// cache take longer: of what comes after the O(n) pass 18 % for a tree of 63 links, 7 % for a chain, 6 % for the biped.
-/// Whole pages apart 15 % for a chain of 512, 36 % for one of 1020.
+/// cache take longer: of what comes after the O(n) pass 18 % for a tree of 63 links, 7 % for a chain, 6 % for the
+/// biped. Whole pages apart 15 % for a chain of 512, 36 % for one of 1020.
 template <class Scalar>
 Index column_stride(Index n_v)
 {
@@ -92,7 +92,9 @@ public:
       qdd0_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       Bhat(columns).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
     }
-    return {{qdd0_.data(), qdd0_.size()}, {Bhat_.data(), qdd0_.size(), columns, Eigen::OuterStride<>(stride_)}, status,
+    return {{qdd0_.data(), qdd0_.size()},
+            {Bhat_.data(), qdd0_.size(), columns, Eigen::OuterStride<>(stride_)},
+            status,
             subsystem};
   }
 

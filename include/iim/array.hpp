@@ -1,5 +1,6 @@
-// The array in which the library keeps what it holds of subsystems, frames and inputs. It does what std::vector does and
-// takes less than half of its time to compile; a controller has some sixty kinds of elements (its g++ -O3: 0.85 of the time).
+// The array in which the library keeps what it holds of subsystems, frames and inputs. It does what std::vector does
+// and takes less than half of its time to compile; a controller has some sixty kinds of elements (its g++ -O3: 0.85 of
+// the time).
 #pragma once
 
 #include <cstddef>
@@ -12,7 +13,9 @@ namespace iim::detail {
 /// Memory for `count` elements. Throws std::bad_alloc.
 [[gnu::cold]] inline void* element_memory(std::size_t count, std::size_t size, std::size_t alignment)
 {
-  if (count > static_cast<std::size_t>(std::numeric_limits<std::ptrdiff_t>::max()) / size) { throw std::bad_array_new_length(); }
+  if (count > static_cast<std::size_t>(std::numeric_limits<std::ptrdiff_t>::max()) / size) {
+    throw std::bad_array_new_length();
+  }
   return alignment > __STDCPP_DEFAULT_NEW_ALIGNMENT__ ? ::operator new(count * size, std::align_val_t(alignment))
                                                       : ::operator new(count * size);
 }
@@ -26,8 +29,8 @@ namespace iim::detail {
   }
 }
 
-/// Elements one behind the other, as many as are asked for at run time. Members mean what they mean for std::vector. If an
-/// element cannot be copied or moved, by an exception, the array holds fewer elements, or some that were moved from.
+/// Elements one behind the other, as many as are asked for at run time. Members mean what they mean for std::vector. If
+/// an element cannot be copied or moved, by an exception, the array holds fewer elements, or some that were moved from.
 template <class T>
 class Array {
 public:
@@ -130,7 +133,9 @@ private:
     Array moved;
     moved.begin_ = static_cast<T*>(element_memory(room, sizeof(T), alignof(T)));
     moved.room_ = room;
-    for (std::size_t& i = moved.size_; i < size_; ++i) { ::new (static_cast<void*>(moved.begin_ + i)) T(static_cast<T&&>(begin_[i])); }
+    for (std::size_t& i = moved.size_; i < size_; ++i) {
+      ::new (static_cast<void*>(moved.begin_ + i)) T(static_cast<T&&>(begin_[i]));
+    }
     swap(moved);
   }
 

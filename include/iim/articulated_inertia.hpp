@@ -17,7 +17,10 @@ struct SixColumns {
   std::array<TriplePair<Scalar>, static_cast<std::size_t>(n)> column;
 
   [[gnu::always_inline]] TriplePair<Scalar>& operator[](int d) { return column[static_cast<std::size_t>(d)]; }
-  [[gnu::always_inline]] const TriplePair<Scalar>& operator[](int d) const { return column[static_cast<std::size_t>(d)]; }
+  [[gnu::always_inline]] const TriplePair<Scalar>& operator[](int d) const
+  {
+    return column[static_cast<std::size_t>(d)];
+  }
   [[gnu::always_inline]] decltype(auto) operator()(int i, int d) const { return (*this)[d](i); }
 };
 
@@ -68,7 +71,8 @@ template <MotionPattern pattern, class Scalar, int n>
 }
 
 template <MotionPattern pattern, class Scalar, int n>
-[[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d, const TriplePair<Scalar>& x)
+[[gnu::always_inline]] inline Scalar column_dot(const Eigen::Matrix<Scalar, 6, n>& S, int d,
+                                                const TriplePair<Scalar>& x)
 {
   const Scalar* column = S.data() + 6 * d;
   using Part = Triple<Scalar>;
@@ -84,7 +88,8 @@ template <MotionPattern pattern, class Scalar, int n>
 /// D += Sᵀ U, or D = Sᵀ U: a sum with zero would stand between a chain's links.
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline void add_joint_inertia(const Eigen::Matrix<Scalar, 6, n>& S,
-                                                     const SixColumns<Scalar, n>& U, bool first, Eigen::Matrix<Scalar, n, n>& D)
+                                                     const SixColumns<Scalar, n>& U, bool first,
+                                                     Eigen::Matrix<Scalar, n, n>& D)
 {
 #pragma GCC unroll 8
   for (int e = 0; e < n; ++e) {
@@ -154,8 +159,8 @@ template <MotionPattern pattern, class Scalar, int n>
   return result;
 }
 
-/// The same by columns. [ M G' ; H J ]: the columns of H are the rows of the lower half, which Sᵀ B needs and which a joint
-/// that turns leaves zero along its axis.
+/// The same by columns. [ M G' ; H J ]: the columns of H are the rows of the lower half, which Sᵀ B needs and which a
+/// joint that turns leaves zero along its axis.
 template <MotionPattern pattern, class Scalar, int n>
   requires three_in_register<Scalar>
 [[gnu::always_inline]] inline SpatialInertia<Scalar> projected(const SpatialInertia<Scalar>& A,
@@ -234,7 +239,8 @@ template <class Scalar, int n>
 
 /// A += weight z zᵀ.
 template <class Scalar>
-[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z, SpatialInertia<Scalar>& A)
+[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z,
+                                              SpatialInertia<Scalar>& A)
 {
 #pragma GCC unroll 8
   for (int j = 0; j < 3; ++j) {
@@ -252,7 +258,8 @@ template <class Scalar>
 
 template <class Scalar>
   requires three_in_register<Scalar>
-[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z, SpatialInertia<Scalar>& A)
+[[gnu::always_inline]] inline void add_square(const Scalar& weight, const TriplePair<Scalar>& z,
+                                              SpatialInertia<Scalar>& A)
 {
   const TriplePair<Scalar> weighted{z.linear * weight, z.angular * weight};
   A.M.add_dyad(weighted.linear, z.linear);
@@ -261,8 +268,8 @@ template <class Scalar>
 }
 
 /// Newton–Euler (A1), (A2) of the bodies on one frame, in world axes about the coupling point: inertia A, and with
-/// `velocity` the part of h that ω makes. r: frame's origin from the coupling point; zero unless `offset`. R was written some
-/// time ago.
+/// `velocity` the part of h that ω makes. r: frame's origin from the coupling point; zero unless `offset`. R was
+/// written some time ago.
 template <bool offset, bool velocity, class Scalar>
 [[gnu::always_inline]] inline void place_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
                                                 const Triple<Scalar>& r, const Triple<Scalar>& omega,

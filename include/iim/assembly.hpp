@@ -23,7 +23,7 @@ namespace iim {
 /// Where a part hangs: on a frame of another part, on a named frame, or on the world.
 template <class Scalar>
 struct Attachment {
-  std::string parent = "world";  ///< name of a part or of a frame (Assembly::add_frame)
+  std::string parent = "world";                     ///< name of a part or of a frame (Assembly::add_frame)
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of the coupling point in the parent's frame
   Vector3<Scalar> p = Vector3<Scalar>::Zero();      ///< coupling point in the parent's frame [m]
   int outlet = 0;                                   ///< which of the parent's frames, for parts that have several
@@ -33,8 +33,8 @@ struct Attachment {
 ///
 /// Parts may come in any order, a parent after its children. `sorted` checks the whole and gives the parts depth
 /// first: every subtree contiguous, brothers in the order of adding. That is the order of q, q̇, q̈ and of B̂'s rows.
-/// (What is called once for a robot is [[gnu::cold]], here and elsewhere: of all that a controller compiles, g++ -O3 takes 6 %
-/// less time and 7 % less code.)
+/// (What is called once for a robot is [[gnu::cold]], here and elsewhere: of all that a controller compiles, g++ -O3
+/// takes 6 % less time and 7 % less code.)
 template <class... S>
 class Assembly {
 public:
@@ -74,9 +74,7 @@ public:
   /// Acceleration of free fall in world axes [m/s²]; (0, 0, −9.81) if not set.
   Assembly& set_gravity(const Vector3<Scalar>& gravity)
   {
-    if (!detail::all_finite(gravity)) {
-      throw ModelError("gravity must be finite, got " + detail::to_text(gravity));
-    }
+    if (!detail::all_finite(gravity)) { throw ModelError("gravity must be finite, got " + detail::to_text(gravity)); }
     gravity_ = gravity;
     return *this;
   }
@@ -95,14 +93,15 @@ public:
       return Attachment<T>{on.parent, on.R.template cast<T>(), on.p.template cast<T>(), on.outlet};
     };
     for (const NamedPart& part : parts_) {
-      std::visit([&](const auto& s) { other.add(part.name, cast_attachment(part.on), s.template cast<T>()); }, part.part);
+      std::visit([&](const auto& s) { other.add(part.name, cast_attachment(part.on), s.template cast<T>()); },
+                 part.part);
     }
     for (const NamedFrame& frame : named_frames_) { other.add_frame(frame.name, cast_attachment(frame.on)); }
     return other;
   }
 
-  /// The same place, given on a part or on the world. Throws ModelError if frames hang on each other in a loop, or on what there is
-  /// not.
+  /// The same place, given on a part or on the world. Throws ModelError if frames hang on each other in a loop, or on
+  /// what there is not.
   [[gnu::cold]] Attachment<Scalar> on_part(const std::string& name, Attachment<Scalar> on) const
   {
     check_attachment(name, on);
@@ -117,9 +116,9 @@ public:
     throw ModelError("'" + name + "' hangs on a loop of frames");
   }
 
-  /// Parts depth first, each checked, prepared and given on a part or the world, the bodies of FixedLinks in what carries them. Throws
-  /// ModelError for a parent that does not exist, a loop, an outlet that the parent does not have, a coupling that is no rotation,
-  /// wrong parameters, or an empty assembly.
+  /// Parts depth first, each checked, prepared and given on a part or the world, the bodies of FixedLinks in what
+  /// carries them. Throws ModelError for a parent that does not exist, a loop, an outlet that the parent does not have,
+  /// a coupling that is no rotation, wrong parameters, or an empty assembly.
   [[gnu::cold]] std::vector<NamedPart> sorted() const
   {
     if (parts_.empty()) { throw ModelError("the assembly has no parts"); }

@@ -1,9 +1,9 @@
-// Sums over all that a subsystem carries, whatever its types: Gᵢⱼ = Σ_b aᵢᵀ I_b aⱼ + Σ_r J_r (g_r aᵢ)(g_r aⱼ) for accelerations a
-// of a frame which the joints beyond it follow freely, q̈ = −W y.
+// Sums over all that a subsystem carries, whatever its types: Gᵢⱼ = Σ_b aᵢᵀ I_b aⱼ + Σ_r J_r (g_r aᵢ)(g_r aⱼ) for
+// accelerations a of a frame which the joints beyond it follow freely, q̈ = −W y.
 //
-// Of one acceleration in single numbers, or of six side by side. Types do not come into it: each subsystem has said once where its
-// numbers are. (With a function of each type for any number of accelerations the pass of a biped without rotors took 133 ns a joint
-// instead of 96.)
+// Of one acceleration in single numbers, or of six side by side. Types do not come into it: each subsystem has said
+// once where its numbers are. (With a function of each type for any number of accelerations the pass of a biped without
+// rotors took 133 ns a joint instead of 96.)
 #pragma once
 
 #include <iim/array.hpp>
@@ -20,7 +20,8 @@
 
 namespace iim::detail {
 
-/// Six numbers in as many registers as hold eight. (Eigen's arrays of built-in numbers would make a controller 9 % slower to compile.)
+/// Six numbers in as many registers as hold eight. (Eigen's arrays of built-in numbers would make a controller 9 %
+/// slower to compile.)
 template <class Scalar>
 struct LanesOf {
   using Six = Eigen::Array<Scalar, 8, 1>;
@@ -70,8 +71,8 @@ template <class Lane>
 
 /// Of the body on a frame that has the accelerations a at its coupling point, from which the frame's origin is r away.
 template <class Lane, class Scalar, class Sum>
-[[gnu::always_inline]] inline void add_body(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                                            const Motions<Lane>& at_point, Sum& G)
+[[gnu::always_inline]] inline void add_body(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
+                                            const Vector3<Scalar>& r, const Motions<Lane>& at_point, Sum& G)
 {
   if (!body.present) { return; }
   Vector3<Scalar> centre = times(R, body.com);
@@ -81,7 +82,9 @@ template <class Lane, class Scalar, class Sum>
   move_twist(centre, a);
   std::array<Lane, 3> turning;  // in the body's axes, where its moments are what they are
 #pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) { turning[static_cast<std::size_t>(i)] = a[3] * R(0, i) + a[4] * R(1, i) + a[5] * R(2, i); }
+  for (int i = 0; i < 3; ++i) {
+    turning[static_cast<std::size_t>(i)] = a[3] * R(0, i) + a[4] * R(1, i) + a[5] * R(2, i);
+  }
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
     const auto at = static_cast<std::size_t>(i);
@@ -128,8 +131,8 @@ public:
       }
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
-    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(),
-                      springs_.size()});
+    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames, is_free<S>(),
+                      rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
   }
   /// After the last. six: whether the others than sums of one acceleration will be asked for.
@@ -233,7 +236,8 @@ private:
       const Motions<Lane>& carrier = on_inlet ? y : room.of(node.frame + rotor.frame);
       Vector3<Scalar> axis = zero;
       if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
-      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratios_.data() + rotor.ratio);
+      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)),
+           ratios_.data() + rotor.ratio);
     }
     if (!springs) { return; }
     for (std::size_t k = at > 0 ? parts_[at - 1].springs_end : 0; k < part.springs_end; ++k) {

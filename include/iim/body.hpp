@@ -30,9 +30,9 @@ struct Placement {
 template <class Scalar_>
 struct Body {
   using Scalar = Scalar_;
-  Scalar mass = Scalar(0);                               ///< [kg]
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();         ///< centre of mass [m]
-  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();     ///< about the centre of mass [kg m²]
+  Scalar mass = Scalar(0);                            ///< [kg]
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< centre of mass [m]
+  Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();  ///< about the centre of mass [kg m²]
 
   /// A part without inertia (the cross of a universal joint, a frame). Mass zero in any other body is an error.
   static Body massless()
@@ -43,8 +43,9 @@ struct Body {
   }
 
   bool is_massless = false;  ///< set by massless()
-  /// Lets a principal moment exceed the sum of the other two, which that of no body does but many a robot's file says: M stays
-  /// positive definite. Where the smallest moment is zero then, q̈₀ in square-root form ends with a status while the body turns.
+  /// Lets a principal moment exceed the sum of the other two, which that of no body does but many a robot's file says:
+  /// M stays positive definite. Where the smallest moment is zero then, q̈₀ in square-root form ends with a status while
+  /// the body turns.
   bool any_moments = false;
 
   /// The same body in the axes of an outer frame.
@@ -60,8 +61,8 @@ struct Body {
     return body;
   }
 
-  /// What the two make as one rigid body, in the same axes. Only sums of non-negative terms: a small part on a large one keeps its
-  /// digits.
+  /// What the two make as one rigid body, in the same axes. Only sums of non-negative terms: a small part on a large
+  /// one keeps its digits.
   void add(const Body& other)
   {
     if (other.is_massless) { return; }
@@ -129,9 +130,9 @@ struct FrameMass {
 
 namespace detail {
 
-/// U and D of a frame's own bodies for its own twist: constants, in its axes. From them a thin moment about the joint's axis is what
-/// it is, where an inertia that is turned to world axes has the roundings of the others in it (a wrist of one thin rod: 112 ε of B̂,
-/// with this 1).
+/// U and D of a frame's own bodies for its own twist: constants, in its axes. From them a thin moment about the joint's
+/// axis is what it is, where an inertia that is turned to world axes has the roundings of the others in it (a wrist of
+/// one thin rod: 112 ε of B̂, with this 1).
 template <class Scalar>
 struct OwnColumn {
   Vector3<Scalar> linear, angular;
@@ -176,8 +177,9 @@ inline bool is_definite(double shift, double factor, Eigen::Matrix3d I)
 
 }  // namespace detail
 
-/// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric, without
-/// a negative principal moment, and no principal moment larger than the sum of the others (but for Body::any_moments).
+/// Throws ModelError, naming `owner`, unless centre and inertia can be those of a body: finite, inertia symmetric,
+/// without a negative principal moment, and no principal moment larger than the sum of the others (but for
+/// Body::any_moments).
 template <class Scalar>
 [[gnu::cold]] void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 {
@@ -194,10 +196,12 @@ template <class Scalar>
     inertia(k) = detail::to_double(I(k));
     scale = std::max(scale, std::abs(inertia(k)));
   }
-  const double point = 1e-8;  // [m]
+  const double point = 1e-8;                                              // [m]
   if (scale <= detail::to_double(body.mass) * point * point) { return; }  // a point mass, but for roundings
   for (Index k = 0; k < 9; ++k) { inertia(k) /= scale; }
-  for (Index k = 0; k < 3; ++k) { asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k))); }
+  for (Index k = 0; k < 3; ++k) {
+    asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k)));
+  }
   const double slack = 1e-6;
   if (asymmetry > slack) { throw ModelError(owner + ": inertia must be symmetric" + moments); }
   if (!detail::is_definite(slack, 1, inertia)) {

@@ -46,9 +46,9 @@ void principal_axes(Matrix3<Scalar> I, Vector3<Scalar>& moment, Matrix3<Scalar>&
 template <class Scalar>
 struct BodyRoot {
   static constexpr int most_rows = 6;
-  Scalar root_mass = Scalar(0);                       ///< √m
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< in the frame
-  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity(); ///< principal axes, right-handed, in the frame
+  Scalar root_mass = Scalar(0);                           ///< √m
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();          ///< in the frame
+  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity();     ///< principal axes, right-handed, in the frame
   Matrix3<Scalar> to_axes = Matrix3<Scalar>::Identity();  ///< its transpose
   Vector3<Scalar> root_moment = Vector3<Scalar>::Zero();  ///< √θ, zeros last
   Vector3<Scalar> gyration = Vector3<Scalar>::Zero();     ///< (θ_j − θ_i) / √θ_k, k, i, j cyclic
@@ -69,7 +69,8 @@ struct BodyRoot {
     Scalar roundings(0);
     if (body.central_inertia != diagonal) {
       principal_axes(body.central_inertia, moment, axes);
-      // A rotor across its axis has two moments; the third is what the matrix rounds, and of a small body beside it many times.
+      // A rotor across its axis has two moments; the third is what the matrix rounds, and of a small body beside it
+      // many times.
       roundings = Scalar(4) * Eigen::NumTraits<Scalar>::epsilon() * moment.maxCoeff();
     }
     for (int pass = 0; pass < 2; ++pass) {  // largest first
@@ -90,7 +91,8 @@ struct BodyRoot {
         ++rows;
       } else if (moment((k + 1) % 3) - moment((k + 2) % 3) > Scalar(1e-5) * moment(0) ||
                  moment((k + 2) % 3) - moment((k + 1) % 3) > Scalar(1e-5) * moment(0)) {
-        gyration(0) = std::numeric_limits<Scalar>::quiet_NaN();  // Body::any_moments: no row can hold the moment that it needs to turn
+        gyration(0) = std::numeric_limits<Scalar>::quiet_NaN();  // Body::any_moments: no row can hold the moment that
+                                                                 // it needs to turn
       }
     }
   }
@@ -111,8 +113,8 @@ struct BodyRoot {
 };
 
 /// Part of z in the rows of moments that a moment m on a body is, N_bᵀ z = −m; takes from m what these rows carry. As a
-/// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that ever
-/// so light.
+/// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that
+/// ever so light.
 template <class Scalar>
 Vector3<Scalar> moment_of_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, Vector3<Scalar>& m)
 {
@@ -125,7 +127,8 @@ Vector3<Scalar> moment_of_rows(const BodyRoot<Scalar>& body, const Matrix3<Scala
     z(k) = -along / body.root_moment(k);
     for (int i = 0; i < 3; ++i) { left(i) -= along * p(i, k); }
   }
-  // m is at right angles to the rotor's axis, about which its body has no row; the roundings of I − a aᵀ turn the body's axes.
+  // m is at right angles to the rotor's axis, about which its body has no row; the roundings of I − a aᵀ turn the
+  // body's axes.
   const Scalar roundings = Scalar(256) * Eigen::NumTraits<Scalar>::epsilon() * (abs(m(0)) + abs(m(1)) + abs(m(2)));
   for (int i = 0; i < 3; ++i) { m(i) = abs(left(i)) > roundings ? left(i) : Scalar(0); }
   return z;

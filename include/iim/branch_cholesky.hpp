@@ -89,7 +89,9 @@ public:
     for (Index limb = 0; limb < limbs_.size(); ++limb) {
       const Limb& own = limbs_[limb];
       // A limb moves with its parent, and is then a parent that moves.
-      if (own.parent >= 0 && end_[static_cast<std::size_t>(own.parent)] > 0) { end_[static_cast<std::size_t>(limb)] = 1; }
+      if (own.parent >= 0 && end_[static_cast<std::size_t>(own.parent)] > 0) {
+        end_[static_cast<std::size_t>(limb)] = 1;
+      }
       if (end_[static_cast<std::size_t>(limb)] == 0) { continue; }
       end_[static_cast<std::size_t>(limb)] = 1;
       Index begin = own.begin;
@@ -206,7 +208,7 @@ private:
   Index stride_;
   Scalar* L_ = nullptr;
   VectorX<Scalar> inverse_;  // 1 / l_vv
-  Array<Index> end_;   // of a limb: path position behind its last non-zero right-hand side
+  Array<Index> end_;         // of a limb: path position behind its last non-zero right-hand side
 };
 
 }  // namespace iim::detail

@@ -2,8 +2,8 @@
 // of B̂ sorted along the tree.
 //
 // Velocities are numbered depth first, so that those of a subtree are one range. The velocities on the path from the
-// world to a subsystem are numbered too, from 0: the path positions. Row v of a matrix that is non-zero only on v's path
-// (L, Γ⁻¹, the lower half of M) is kept in path positions: no zero of the branching is stored or multiplied.
+// world to a subsystem are numbered too, from 0: the path positions. Row v of a matrix that is non-zero only on v's
+// path (L, Γ⁻¹, the lower half of M) is kept in path positions: no zero of the branching is stored or multiplied.
 #pragma once
 
 #include <iim/array.hpp>
@@ -96,7 +96,8 @@ public:
         limbs_[static_cast<std::size_t>(limb_of_.back())].end += own;
       } else {
         limb_of_.push_back(size());
-        limbs_.push_back({node.parent < 0 ? -1 : limb_of(node.parent), node.path_v, node.path_v + own, node.v, node.v_end});
+        limbs_.push_back(
+            {node.parent < 0 ? -1 : limb_of(node.parent), node.path_v, node.path_v + own, node.v, node.v_end});
       }
       for (Index d = 0; d < own; ++d) { limb_of_velocity_.push_back(limb_of_.back()); }
     }
@@ -138,13 +139,13 @@ private:
 
   Index depth_ = 0;
   Array<Limb> limbs_;
-  Array<Index> limb_of_;           // of a subsystem
+  Array<Index> limb_of_;  // of a subsystem
   Array<Index> limb_of_velocity_;
 };
 
-/// Whether two velocities have more than three path positions in common, in the mean over all pairs: from there on half of a
-/// symmetric product of rows of L, copied to the other half, takes less than all of it (several states: chain of 20, with 7, 6 %
-/// less; arm of 7, with 2.9, 2 % more; tree of 15, with 1.6, 4 % more).
+/// Whether two velocities have more than three path positions in common, in the mean over all pairs: from there on half
+/// of a symmetric product of rows of L, copied to the other half, takes less than all of it (several states: chain of
+/// 20, with 7, 6 % less; arm of 7, with 2.9, 2 % more; tree of 15, with 1.6, 4 % more).
 template <class Scalar>
 [[gnu::cold]] bool paths_are_shared(const TreeData<Scalar>& tree)
 {
@@ -170,7 +171,8 @@ struct BetaColumn {
 class FrameBuffers {
 public:
   template <class Scalar>
-  [[gnu::cold]] explicit FrameBuffers(const TreeData<Scalar>& tree) : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
+  [[gnu::cold]] explicit FrameBuffers(const TreeData<Scalar>& tree)
+      : of_frame_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
     Array<Index> last_use(of_frame_.size(), -1);
     for (const Node& node : tree.nodes()) {
@@ -208,7 +210,9 @@ public:
   [[gnu::cold]] explicit SortedInputs(const InputBlocks<Scalar>& inputs)
       : inputs_(&inputs), begin_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
   {
-    const auto end_of = [&](Index id) -> std::size_t& { return begin_[static_cast<std::size_t>(inputs.block(id).subsystem)]; };
+    const auto end_of = [&](Index id) -> std::size_t& {
+      return begin_[static_cast<std::size_t>(inputs.block(id).subsystem)];
+    };
     for (Index id = 0; id < inputs.blocks(); ++id) { ++end_of(id); }
     for (std::size_t i = 1; i < begin_.size(); ++i) { begin_[i] += begin_[i - 1]; }
     order_.resize(static_cast<std::size_t>(inputs.blocks()));
@@ -265,7 +269,7 @@ private:
   }
 
   const InputBlocks<Scalar>* inputs_;
-  Index changes_ = -1;              // of the inputs, when they were numbered
+  Index changes_ = -1;  // of the inputs, when they were numbered
   Array<Index> order_;
   Array<std::size_t> begin_;  // of a subsystem: place in order_ of its first block
   Array<Index> bhat_column_;  // of a block: first column of B̂; −1: not active

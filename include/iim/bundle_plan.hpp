@@ -1,9 +1,10 @@
 // Which velocities the bundles of rows and columns share in the product B̂ = L β (bundle_product.hpp).
 //
-// Rows of L that are neighbours in the tree make a bundle, columns of β that are neighbours another, `lanes` of them each.
-// A bundle has one register per velocity on its paths. In depth-first order these are the path of its first velocity v,
-// and what stands from v to its end; so it is stored, with zeros in the lanes of those that a velocity is no ancestor of.
-// A square of B̂ is the sum of outer products over the velocities that two bundles share: of two that begin at v ≤ w
+// Rows of L that are neighbours in the tree make a bundle, columns of β that are neighbours another, `lanes` of them
+// each. A bundle has one register per velocity on its paths. In depth-first order these are the path of its first
+// velocity v, and what stands from v to its end; so it is stored, with zeros in the lanes of those that a velocity is
+// no ancestor of. A square of B̂ is the sum of outer products over the velocities that two bundles share: of two that
+// begin at v ≤ w
 //
 //     the path of w before v       at the same place in both
 //     the path of w from v on      one by one in the bundle of v
@@ -20,17 +21,17 @@
 
 namespace iim::detail {
 
-/// Found once for a tree, and by `plan` for the columns that are active. lanes: numbers that a step treats; side: that a
-/// register holds.
+/// Found once for a tree, and by `plan` for the columns that are active. lanes: numbers that a step treats; side: that
+/// a register holds.
 template <int lanes, int side>
 class BundlePlan {
 public:
   struct Bundle {
-    Index v = 0, end = 0;  ///< where it begins, and the first velocity after it
-    Index above = 0;       ///< velocities on v's path before v
-    Index count = 0;       ///< of its rows or columns
-    Index path = 0;        ///< place of v's in paths_
-    Index deepest = 0;     ///< path positions of the longest of its paths
+    Index v = 0, end = 0;            ///< where it begins, and the first velocity after it
+    Index above = 0;                 ///< velocities on v's path before v
+    Index count = 0;                 ///< of its rows or columns
+    Index path = 0;                  ///< place of v's in paths_
+    Index deepest = 0;               ///< path positions of the longest of its paths
     Index parts = 0, parts_end = 0;  ///< places in `parts`
     Index size() const { return above + end - v; }
     Index place(Index velocity) const { return above + velocity - v; }  ///< of one from v on
@@ -47,7 +48,8 @@ public:
   /// A register that differs from the one that was gathered at its place: lanes of another.
   struct Part {
     std::int32_t to, from;    ///< first numbers, in the bundle
-    std::int32_t begin, end;  ///< where masks begin in a window of ones between zeros: of the lanes from its first on, and up to its last
+    std::int32_t begin, end;  ///< where masks begin in a window of ones between zeros: of the lanes from its first on,
+                              ///< and up to its last
   };
 
   /// Velocities that a bundle of rows and one of columns share, side by side in both.
@@ -87,10 +89,12 @@ public:
     for (const Subsystem& s : subsystems_) { begin_of.push_back(s.v); }
     begin_of.push_back(tree.n_v());
     const Index n = tree.n_v();
-    // If it makes no bundle more, the velocities before the first motor, as a base's, have one to themselves: those after them are
-    // bundles of columns, too.
+    // If it makes no bundle more, the velocities before the first motor, as a base's, have one to themselves: those
+    // after them are bundles of columns, too.
     Index lead = 0;
-    for (Index i = 0; i < tree.size() && !(tree.motors(i) > 0 && tree.velocities(i) == 1); ++i) { lead += tree.velocities(i); }
+    for (Index i = 0; i < tree.size() && !(tree.motors(i) > 0 && tree.velocities(i) == 1); ++i) {
+      lead += tree.velocities(i);
+    }
     if (lead >= lanes || n - lead < lanes || bundles(n - lead) + 1 > bundles(n)) { lead = 0; }
     for (Index v = 0; v < n; v = v == 0 && lead > 0 ? lead : v + lanes) {
       // The last bundle begins earlier instead of having fewer rows: what it shares is written twice.
@@ -119,8 +123,8 @@ public:
   /// Bundles for so many rows or columns.
   static Index bundles(Index count) { return (count + lanes - 1) / lanes; }
 
-  /// For columns that are others than before: rows of L and, after these, others, each sorted along the tree. Those on subsystems
-  /// before i end at first_row[i], first_other[i].
+  /// For columns that are others than before: rows of L and, after these, others, each sorted along the tree. Those on
+  /// subsystems before i end at first_row[i], first_other[i].
   void plan(const Array<BetaColumn>& columns, const Array<Index>& first_row, const Array<Index>& first_other)
   {
     parts.resize(row_parts_);
@@ -132,7 +136,9 @@ public:
     add_columns(columns, first_other);
     first_run.push_back(static_cast<std::int32_t>(runs.size()));
     mirrored = 0;
-    while (mirrored < static_cast<Index>(row_bundles.size()) && row_bundles[at(mirrored)].first_column >= 0) { ++mirrored; }
+    while (mirrored < static_cast<Index>(row_bundles.size()) && row_bundles[at(mirrored)].first_column >= 0) {
+      ++mirrored;
+    }
   }
 
   Index registers() const { return registers_; }  ///< of all bundles of rows
@@ -181,8 +187,8 @@ private:
 
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  /// Registers by path position to one per velocity, the last first, since none stands before its path position. `first`:
-  /// of what is in the lanes, numbered along the tree so that a subsystem's begin at begin_of.
+  /// Registers by path position to one per velocity, the last first, since none stands before its path position.
+  /// `first`: of what is in the lanes, numbered along the tree so that a subsystem's begin at begin_of.
   void add_parts(Bundle& bundle, Index first, const Array<Index>& begin_of)
   {
     bundle.parts = bundle.parts_end = static_cast<Index>(parts.size());
@@ -204,16 +210,17 @@ private:
   {
     const Index v = columns[0].row;
     if (v >= static_cast<Index>(subsystem_of_.size())) { return -1; }
-    const auto rows = std::find_if(row_bundles.begin(), row_bundles.end(), [&](const RowBundle& bundle) { return bundle.v == v; });
+    const auto rows =
+        std::find_if(row_bundles.begin(), row_bundles.end(), [&](const RowBundle& bundle) { return bundle.v == v; });
     bool same = rows != row_bundles.end() && count == rows->count;
     for (Index j = 0; same && j < count; ++j) { same = columns[j].row == v + j; }
     return same ? static_cast<Index>(rows - row_bundles.begin()) : -1;
   }
 
-  /// The runs of one square of B̂. While bundles of rows come one after the other to one of columns, of the velocities on
-  /// the columns' path: `before`, how many stand before the rows, `common`, how many are on the path of rows after the
-  /// columns, too. Found once, not at each state: 30 % fewer instructions in the squares of a tree of 63 links, 22 % of a
-  /// chain.
+  /// The runs of one square of B̂. While bundles of rows come one after the other to one of columns, of the velocities
+  /// on the columns' path: `before`, how many stand before the rows, `common`, how many are on the path of rows after
+  /// the columns, too. Found once, not at each state: 30 % fewer instructions in the squares of a tree of 63 links, 22
+  /// % of a chain.
   void add_runs(const RowBundle& rows, const Bundle& columns, Index& before, Index& common)
   {
     const std::size_t first = runs.size();
@@ -234,11 +241,15 @@ private:
     if (rows.v < columns.v) {
       while (before < columns.above && column_path[before] < rows.v) { ++before; }
       add(0, 0, before);
-      for (Index a = before; a < columns.above && column_path[a] < rows.end; ++a) { add(rows.place(column_path[a]), a, 1); }
+      for (Index a = before; a < columns.above && column_path[a] < rows.end; ++a) {
+        add(rows.place(column_path[a]), a, 1);
+      }
     } else {
       while (common > 0 && (common > rows.above || row_path[common - 1] != column_path[common - 1])) { --common; }
       add(0, 0, common);
-      for (Index a = common; a < rows.above && row_path[a] < columns.end; ++a) { add(a, columns.place(row_path[a]), 1); }
+      for (Index a = common; a < rows.above && row_path[a] < columns.end; ++a) {
+        add(a, columns.place(row_path[a]), 1);
+      }
     }
     const Index v = std::max(rows.v, columns.v);
     add(rows.place(v), columns.place(v), std::min(rows.end, columns.end) - v);

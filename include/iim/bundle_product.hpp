@@ -1,8 +1,8 @@
 // The product B̂ = L β where a register holds several numbers of one state: squares of B̂, each entry written once, by
 // bundles of rows and of columns (bundle_plan.hpp).
 //
-// Against the product limb by limb, which adds to rows of B̂ again and again, all that comes after the O(n) pass takes 45 %
-// less for a binary tree of 63 links, 25 % less for a chain of 50 and 75 % less for one of 200, all joints driven.
+// Against the product limb by limb, which adds to rows of B̂ again and again, all that comes after the O(n) pass takes
+// 45 % less for a binary tree of 63 links, 25 % less for a chain of 50 and 75 % less for one of 200, all joints driven.
 #pragma once
 
 #include <iim/array.hpp>
@@ -73,10 +73,13 @@ public:
         beta = L_.data() + plan_.row_bundles[at(bundle.same_rows)].registers * lanes;
       } else {
         const Index last = bundle.count - 1;  // instead of those that the bundle lacks
-        gather([&](auto j) __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
-               bundle, beta_.data());
+        gather(
+            [&](auto j)
+                __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
+            bundle, beta_.data());
       }
-      // Of squares of rows that are columns, too, one of two is computed: as long as all rows are such, those from the diagonal on.
+      // Of squares of rows that are columns, too, one of two is computed: as long as all rows are such, those from the
+      // diagonal on.
       const Index from = bundle.same_rows <= plan_.mirrored ? std::max<Index>(bundle.same_rows, 0) : 0;
       for (Index j = 0; j < bundle.count; j += tile) {
         const Index count = std::min<Index>(tile, bundle.count - j);
@@ -104,7 +107,8 @@ private:
     for (Index a = 0; a < bundle.deepest; a += side) {
       unrolled<lanes / side>([&](auto part) __attribute__((always_inline)) {
         transpose<Scalar, side>([&](auto r) __attribute__((always_inline)) { return row(part * side + r) + a; },
-                                [&](auto r) __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; });
+                                [&](auto r)
+                                    __attribute__((always_inline)) { return to + (a + r) * lanes + part * side; });
       });
     }
     const Part* const end = plan_.parts.data() + bundle.parts_end;
@@ -129,8 +133,8 @@ private:
     const Scalar* beta;           ///< its registers, from the tile's first lane on
     const BetaColumn* all;        ///< columns
     const BetaColumn* column;
-    Index count;                  ///< of columns, at most `tile`
-    Index lane;                   ///< of the first of them in the bundle
+    Index count;  ///< of columns, at most `tile`
+    Index lane;   ///< of the first of them in the bundle
   };
 
   /// Where columns are rows of L, B̂ is symmetric; of two squares of such rows the lower one becomes the upper one, too.
@@ -188,9 +192,8 @@ private:
           unrolled<lanes / side>([&](auto r) __attribute__((always_inline)) {
             transpose<Scalar, side>(
                 [&](auto k) __attribute__((always_inline)) { return copy.data() + (j * side + k) * lanes + r * side; },
-                [&](auto k) __attribute__((always_inline)) {
-                  return to_mirrored + row[r * side + k].begin + j * side;
-                });
+                [&](auto k)
+                    __attribute__((always_inline)) { return to_mirrored + row[r * side + k].begin + j * side; });
           });
         });
       }
@@ -212,9 +215,9 @@ private:
   static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   Plan plan_;
-  VectorX<Scalar> L_;             // registers of the bundles of rows
-  VectorX<Scalar> beta_;          // and of one bundle of columns
-  Register check_;                // the sum of all that was written to B̂, as the lanes come
+  VectorX<Scalar> L_;     // registers of the bundles of rows
+  VectorX<Scalar> beta_;  // and of one bundle of columns
+  Register check_;        // the sum of all that was written to B̂, as the lanes come
 };
 
 }  // namespace iim::detail

@@ -1,4 +1,5 @@
-// What a frame carries, in matrix form: its own bodies, and what hangs on it, which is handed on in the steps before its own.
+// What a frame carries, in matrix form: its own bodies, and what hangs on it, which is handed on in the steps before
+// its own.
 #pragma once
 
 #include <iim/articulated_inertia.hpp>

@@ -1,7 +1,7 @@
 // Momentum of all bodies of a tree about their centre of mass: A_G with p_G = A_G q̇, and Ȧ_G q̇.
 //
-// Outward, each frame's acceleration for q̈ = 0 and the wrenches that its bodies' motion takes; inward, the inertia I_k of
-// all that frame k carries. With rotors of axial inertia J, axis a, rate ratio·q̇ relative to their carrier:
+// Outward, each frame's acceleration for q̈ = 0 and the wrenches that its bodies' motion takes; inward, the inertia I_k
+// of all that frame k carries. With rotors of axial inertia J, axis a, rate ratio·q̇ relative to their carrier:
 //
 //     A_G(:, i) = X(o_i − c)⁻ᵀ (Σ_k I_k S_k + Σ J (0; a) ratio)          o_i coupling point, c centre of mass
 #pragma once
@@ -95,7 +95,7 @@ public:
   }
 
   const Scalar& mass() const { return mass_; }
-  Vector3<Scalar> com() const { return reference_ + com_; }                   ///< world axes [m]
+  Vector3<Scalar> com() const { return reference_ + com_; }  ///< world axes [m]
   const Eigen::Matrix<Scalar, 6, Eigen::Dynamic>& A_G() const { return A_G_; }
   const Vector6<Scalar>& Adot_G_qd() const { return rate_; }
 
@@ -121,7 +121,7 @@ private:
     Composite<Scalar> carried;
     Vector3<Scalar> origin;  ///< coupling point
     Vector3<Scalar> omega;
-    Vector6<Scalar> a;       ///< acceleration at the coupling point for q̈ = 0
+    Vector6<Scalar> a;  ///< acceleration at the coupling point for q̈ = 0
   };
 
   At& at(Index frame) { return frames_[static_cast<std::size_t>(frame + 1)]; }  // −1: the world
@@ -220,9 +220,7 @@ private:
         for (int i = 0; i < 3; ++i) { p[static_cast<std::size_t>(d)](i + 3) += rotor.inertia * rotor.ratio(d) * a(i); }
       }
     });
-    for (int d = 0; d < S::n_i; ++d) {
-      A_G_.col(node.v + d) = shift_wrench(from_com, p[static_cast<std::size_t>(d)]);
-    }
+    for (int d = 0; d < S::n_i; ++d) { A_G_.col(node.v + d) = shift_wrench(from_com, p[static_cast<std::size_t>(d)]); }
   }
 
   template <class N, class State>
@@ -243,7 +241,8 @@ private:
   }
 
   template <class S, class RotorType, class N, class Workspace>
-  static Vector3<Scalar> rotor_axis(const RotorType& rotor, const N& node, const NodeState<S>& state, const Workspace& ws)
+  static Vector3<Scalar> rotor_axis(const RotorType& rotor, const N& node, const NodeState<S>& state,
+                                    const Workspace& ws)
   {
     return times(rotor.frame < 0 ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
   }

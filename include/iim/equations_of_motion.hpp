@@ -1,7 +1,8 @@
-// M (11) and h (12) of a tree: composite inertias for M, recursive Newton–Euler for h. B (13) beside it: input_matrix.hpp.
+// M (11) and h (12) of a tree: composite inertias for M, recursive Newton–Euler for h. B (13) beside it:
+// input_matrix.hpp.
 //
-// Only what the outward kinematic loop of the O(n) pass leaves in the workspace is used (R, r, ω, bias, S_k, c), so that
-// methods on M, h and B owe nothing to M̄*. World axes, every subsystem at its coupling point:
+// Only what the outward kinematic loop of the O(n) pass leaves in the workspace is used (R, r, ω, bias, S_k, c), so
+// that methods on M, h and B owe nothing to M̄*. World axes, every subsystem at its coupling point:
 //
 //     outward   y = X(r) a_inlet + (c; 0),   a_k = y + bias_k              accelerations for q̈ = 0, a_world = −g
 //               f_k = I_k a_k + velocity terms                                                       (A2)
@@ -121,7 +122,8 @@ public:
       B_.jacobian().template propagate<S>(node, ws.template node<S>(node), [&](Index a, const auto& y) {
         for (int d = 0; d < S::n_i; ++d) {
           const Vector6<Scalar>& F = F_[at(node.v + d)];
-          const Lanes<Scalar> row = (y[0] * F(0) + y[1] * F(1) + y[2] * F(2)) + (y[3] * F(3) + y[4] * F(4) + y[5] * F(5));
+          const Lanes<Scalar> row =
+              (y[0] * F(0) + y[1] * F(1) + y[2] * F(2)) + (y[3] * F(3) + y[4] * F(4) + y[5] * F(5));
           store(M_.data() + (node.v + d) * M_.rows() + a, row, node.path_v - a);
         }
       });
@@ -150,7 +152,9 @@ private:
       Vector6<Scalar>& y = y_[at(node.index)];
       if (node.inlet >= 0) {
         y = shift_twist(state.r, frames_[at(node.inlet)].a);
-        if constexpr (scene.velocity) { for (int i = 0; i < 3; ++i) { y(i) += state.c(i); } }
+        if constexpr (scene.velocity) {
+          for (int i = 0; i < 3; ++i) { y(i) += state.c(i); }
+        }
       } else {
         for (int i = 0; i < 3; ++i) {
           y(i) = scene.gravity ? Scalar(-tree_->gravity()(i)) : Scalar(0);
@@ -161,12 +165,16 @@ private:
         const FrameState<Scalar>& f = ws.frame(node.frame + k);
         Carried& carried = frames_[at(node.frame + k)];
         carried.a = y;
-        if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); } }
-        if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); } }
+        if constexpr (has_bias<scene, S>(0)) {
+          for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); }
+        }
+        if constexpr (has_bias<scene, S>(3)) {
+          for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); }
+        }
         SpatialInertia<Scalar> A;
         TriplePair<Scalar> h;
-        place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, triple(f.r), triple(f.omega), A,
-                                                         h);
+        place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, triple(f.r),
+                                                         triple(f.omega), A, h);
         h.put(carried.f.data());
         carried.I.set(A);
         add(carried.f, carried.I.template times<true, true>(linear(carried.a), angular(carried.a)));
@@ -234,8 +242,8 @@ private:
         const Vector6<Scalar>& y = y_[at(node.index)];
         SpatialInertia<Scalar> A;
         TriplePair<Scalar> h;
-        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet, triple(ws.frame(node.inlet).omega),
-                                            A, h);
+        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet,
+                                            triple(ws.frame(node.inlet).omega), A, h);
         Vector6<Scalar> f_body;
         h.put(f_body.data());
         CompositeBody<Scalar> body;

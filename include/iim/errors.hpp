@@ -22,11 +22,11 @@ public:
 /// How a computation in the cycle ended.
 enum class Status {
   ok,
-  invalid_state,           ///< q, q̇ or u not finite, or a quaternion far from unit length; see subsystem()
-  not_positive_definite,   ///< M̄_R of the named subsystem is not positive definite in the Scalar's precision
-  not_finite,              ///< overflow: the state was finite, a result is not
-  /// What does not belong together, asserted where assertions are on: an argument's size; a receipt of another robot or Scene than
-  /// the method's, or from before the workspace's last use; inputs added after the method was made.
+  invalid_state,          ///< q, q̇ or u not finite, or a quaternion far from unit length; see subsystem()
+  not_positive_definite,  ///< M̄_R of the named subsystem is not positive definite in the Scalar's precision
+  not_finite,             ///< overflow: the state was finite, a result is not
+  /// What does not belong together, asserted where assertions are on: an argument's size; a receipt of another robot or
+  /// Scene than the method's, or from before the workspace's last use; inputs added after the method was made.
   mismatch
 };
 
@@ -60,7 +60,8 @@ template <class Scalar>
 
 /// Entry (i, j) at m[i·row + j·column].
 template <class Scalar>
-[[gnu::cold]] std::string to_text(const Scalar* m, Eigen::Index rows, Eigen::Index columns, Eigen::Index row, Eigen::Index column)
+[[gnu::cold]] std::string to_text(const Scalar* m, Eigen::Index rows, Eigen::Index columns, Eigen::Index row,
+                                  Eigen::Index column)
 {
   std::string text = "(";
   for (Eigen::Index i = 0; i < rows; ++i) {

@@ -50,7 +50,9 @@ public:
   void apply(const InputBlocks<InputScalar>& inputs, const U& u)
   {
     inputs.for_each_active([&](const auto& input, Index column) {
-      if (!detail::all_finite(u.segment(column, input.size))) { diagnosis_.fail(Status::invalid_state, input.subsystem); }
+      if (!detail::all_finite(u.segment(column, input.size))) {
+        diagnosis_.fail(Status::invalid_state, input.subsystem);
+      }
       if (input.kind == InputKind::motor) {
         const Index rows = input.velocities;
         for (Index j = 0; j < input.size; ++j) {
@@ -63,9 +65,7 @@ public:
         if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
         if constexpr (Data::update == Update::square_root) {
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
-          for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) {
-            ws_.root(input.frame).own.at(rhs, k) += z(k);
-          }
+          for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) { ws_.root(input.frame).own.at(rhs, k) += z(k); }
         } else {
           arrive<scene.velocity>(input.frame, ws_);
         }
@@ -115,7 +115,9 @@ protected:
       if constexpr (is_free<S>() && Data::update == Update::square_root) {
         const RootInertia<Scalar>& N_k = ws_.root(node.frame);
         f.Vdot = N_k.rest;
-        if (N_k.keeps_v) { for (int i = 0; i < 6; ++i) { f.Vdot(i) += N_k.S(i) * N_k.rate; } }
+        if (N_k.keeps_v) {
+          for (int i = 0; i < 6; ++i) { f.Vdot(i) += N_k.S(i) * N_k.rate; }
+        }
         continue;
       }
       const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
@@ -163,10 +165,11 @@ private:
     return shifted(state.r, ws_.frame(node.inlet).Vdot);
   }
 
-  /// W y of velocity d. With three numbers in a register steps wait more than they compute: there it is W X(r) V̇ of the inlet and
-  /// W c, where W X(r) waits for nothing (pass of an arm and of chains 6 % less, of the biped 2 %).
+  /// W y of velocity d. With three numbers in a register steps wait more than they compute: there it is W X(r) V̇ of the
+  /// inlet and W c, where W X(r) waits for nothing (pass of an arm and of chains 6 % less, of the biped 2 %).
   template <class S>
-  [[gnu::always_inline]] Scalar follow(const Node& node, const NodeMemory<S>& state, int d, const TriplePair<Scalar>& y) const
+  [[gnu::always_inline]] Scalar follow(const Node& node, const NodeMemory<S>& state, int d,
+                                       const TriplePair<Scalar>& y) const
   {
     TriplePair<Scalar> W = gain(state, d);
     if constexpr (three_in_register<Scalar> && Data::update != Update::square_root) {
@@ -189,8 +192,8 @@ private:
     return {Triple<Scalar>(W(d, 0), W(d, 1), W(d, 2)), Triple<Scalar>(W(d, 3), W(d, 4), W(d, 5))};
   }
 
-  /// shift_twist, in registers. Six numbers in memory g++ wrote one by one and read together in some programs, which had to wait
-  /// (8 % of an arm, 11 % of a chain of 20 with one motor).
+  /// shift_twist, in registers. Six numbers in memory g++ wrote one by one and read together in some programs, which
+  /// had to wait (8 % of an arm, 11 % of a chain of 20 with one motor).
   [[gnu::always_inline]] static TriplePair<Scalar> shifted(const Vector3<Scalar>& r, const Vector6<Scalar>& V)
   {
     const TriplePair<Scalar> at(V.data());
@@ -262,8 +265,9 @@ public:
     const auto step = [&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);
     };
-    // In square-root form the frames share places for their rows, which are given for depth-first order (and steps are too long for
-    // the next to begin meanwhile: measured 1 % slower). Of lanes, a child's numbers would leave the nearest memory.
+    // In square-root form the frames share places for their rows, which are given for depth-first order (and steps are
+    // too long for the next to begin meanwhile: measured 1 % slower). Of lanes, a child's numbers would leave the
+    // nearest memory.
     if constexpr (std::is_floating_point_v<Scalar> && Workspace::update != Update::square_root) {
       ws.tree().inward_abreast(step);
     } else {
@@ -271,8 +275,8 @@ public:
     }
   }
 
-  /// From the base outward again: accelerations, (18) and (19). also(node, its memory): what else goes outward. Each of the two
-  /// waits for its step before, and the other runs meanwhile.
+  /// From the base outward again: accelerations, (18) and (19). also(node, its memory): what else goes outward. Each of
+  /// the two waits for its step before, and the other runs meanwhile.
   template <class Also>
   void accelerations(Also&& also)
   {
@@ -287,7 +291,8 @@ public:
   void accelerations()
   {
     const Workspace& ws = workspace();
-    ws.tree().outward_abreast([&]<class S>(const Node& node, const S&) { this->accelerate(node, ws.template node<S>(node)); });
+    ws.tree().outward_abreast(
+        [&]<class S>(const Node& node, const S&) { this->accelerate(node, ws.template node<S>(node)); });
     this->check_finite();
   }
 
@@ -316,7 +321,8 @@ private:
 namespace detail {
 
 template <Scene scene, class Workspace, class Q, class V>
-ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step, Workspace& workspace)
+ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Workspace::Scalar& step,
+                                    Workspace& workspace)
 {
   ForwardPass<scene, Workspace> pass(workspace, step);
   if (pass.fits(q, qd)) {
@@ -351,8 +357,8 @@ constexpr Scene implicit(Scene scene)
 }  // namespace detail
 
 /// q̈₀ of the tree at the state (q, q̇), and in the workspace all that the input-Jacobian methods need. O(n).
-/// q, q̇: dense vectors of n_q and n_v entries. Does not allocate or throw; a state that cannot be computed comes back as a
-/// status.
+/// q, q̇: dense vectors of n_q and n_v entries. Does not allocate or throw; a state that cannot be computed comes back
+/// as a status.
 template <Scene scene = Scene{}, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> forward_dynamics(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                             Workspace& workspace)
@@ -368,17 +374,19 @@ Acceleration<typename Workspace::Scalar> forward_dynamics(const Eigen::MatrixBas
                                                           Workspace& workspace)
 {
   static_assert(!scene.implicit, "implicit_step(q, qd, step, inputs, u, workspace) says how long the step is");
-  return detail::run_pass<scene>(q.derived(), qd.derived(), typename Workspace::Scalar(0), inputs, u.derived(), workspace);
+  return detail::run_pass<scene>(q.derived(), qd.derived(), typename Workspace::Scalar(0), inputs, u.derived(),
+                                 workspace);
 }
 
-/// Mean accelerations over a step of length h > 0 [s], with the springs and dampers of the subsystems (`springs`) at its
-/// end and all else as it is now: the linearly implicit Euler step
+/// Mean accelerations over a step of length h > 0 [s], with the springs and dampers of the subsystems (`springs`) at
+/// its end and all else as it is now: the linearly implicit Euler step
 ///
 ///     (M + h C + h² K) q̈₀ = −h̄(q, q̇) − h K q̇,      q̇⁺ = q̇ + h (q̈₀ + B̂u),      q⁺ = q + h q̇⁺,
 ///
 /// stable whatever the stiffness. h C + h² K lies in the blocks M̄_R of (17), so the same pass serves, and every method
-/// that is applied to the receipt returns B̂ = (M + h C + h² K)⁻¹ B: h B̂u is what the inputs add to the velocities in the
-/// step. First order in h. As forward_dynamics otherwise; a step that is negative or not finite is Status::invalid_state.
+/// that is applied to the receipt returns B̂ = (M + h C + h² K)⁻¹ B: h B̂u is what the inputs add to the velocities in
+/// the step. First order in h. As forward_dynamics otherwise; a step that is negative or not finite is
+/// Status::invalid_state.
 template <Scene scene = Scene{}, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> implicit_step(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                          const typename Workspace::Scalar& step, Workspace& workspace)

@@ -1,20 +1,20 @@
 // A free subsystem in matrix form; in square-root form: free_root.hpp.
 //
-// Nothing passes on, and W = S_k⁻¹ is known: what is asked for is C of M̄_R⁻¹ = C Cᵀ alone. It comes from the inertia about the
-// body's own centre, which has the digits that M̄_R of another point would round away ((com/gyration)² of them), C = W C_A,
-// A⁻¹ = C_A C_Aᵀ.
+// Nothing passes on, and W = S_k⁻¹ is known: what is asked for is C of M̄_R⁻¹ = C Cᵀ alone. It comes from the inertia
+// about the body's own centre, which has the digits that M̄_R of another point would round away ((com/gyration)² of
+// them), C = W C_A, A⁻¹ = C_A C_Aᵀ.
 //
-// A base moves along with the first joint of the limb on it almost freely: A' S = 0 for the limb's A' and the joint's column S
-// (or what rotors, springs and bodies on the inlet hold, FreeAxis::held), but for roundings, which are as large as the limb is
-// against the base. So A' and p' of the limb stay apart from what else the frame carries, A₀ and p₀, where they meet S, and S takes
-// the place of one column of T = [E S], E: unit columns, and two across S:
+// A base moves along with the first joint of the limb on it almost freely: A' S = 0 for the limb's A' and the joint's
+// column S (or what rotors, springs and bodies on the inlet hold, FreeAxis::held), but for roundings, which are as
+// large as the limb is against the base. So A' and p' of the limb stay apart from what else the frame carries, A₀ and
+// p₀, where they meet S, and S takes the place of one column of T = [E S], E: unit columns, and two across S:
 //
 //     A_T = Tᵀ (A₀ + A') T,   with (A₀ + A') S = A₀ S + held;      A_T⁻¹ = C_T C_Tᵀ,   C_A = T C_T
 //     Tᵀ (p₀ + p'),           with Sᵀ p' = the force on the joint from within, FreeAxis::force
 //
-// (Of 1000 random chains on a free base like their links, the error of B̂ is over 16 ε for 2 % with this, 10 % without; of free bars
-// in a plane, 31 of them, it is 11 ε and 1880, by the axes that the frame shares with its limb, too: parallel_axes.hpp. And in less
-// time, since M̄_R is not formed: pass of the biped 3 % less.)
+// (Of 1000 random chains on a free base like their links, the error of B̂ is over 16 ε for 2 % with this, 10 % without;
+// of free bars in a plane, 31 of them, it is 11 ε and 1880, by the axes that the frame shares with its limb, too:
+// parallel_axes.hpp. And in less time, since M̄_R is not formed: pass of the biped 3 % less.)
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -39,7 +39,8 @@ template <class Scalar>
   return x * x;
 }
 
-/// The axis of the limb's first joint s, at its step inward: h_q: its bias force; A_body, h_body: of its bodies on the inlet.
+/// The axis of the limb's first joint s, at its step inward: h_q: its bias force; A_body, h_body: of its bodies on the
+/// inlet.
 template <Scene scene, class S>
 [[gnu::noinline]] void set_axis(const S& s, const NodeState<S>& state,
                                 const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun,
@@ -54,8 +55,8 @@ template <Scene scene, class S>
   held += A_body.of_angular(own.angular);
   axis.force = load + dot(own, h_body);
   Scalar left(0);  // M̄_R (1 − W S)
-  // A rotor adds J gᵀg, g = (0, aᵀ, e); z = (0; a) − Wᵀ e is what of it follows the guidance, and Σ J (zᵀS) z of all, with zᵀS
-  // written as what it is for W S = 1, is A' S.
+  // A rotor adds J gᵀg, g = (0, aᵀ, e); z = (0; a) − Wᵀ e is what of it follows the guidance, and Σ J (zᵀS) z of all,
+  // with zᵀS written as what it is for W S = 1, is A' S.
   const auto hold = [&](const Scalar& inertia, const Triple<Scalar>& a, const Scalar& e) {
     const Scalar slip = inertia * (dot(a, own.angular) - e);
     held -= W * (slip * e);
@@ -122,9 +123,9 @@ template <class Scalar>
   return {Triple<Scalar>(one, zero, zero) - u * x, Triple<Scalar>(zero, one, zero) - u * y};
 }
 
-/// Whether a root C of a free base's A⁻¹ is to be mended (weak_pivot.hpp): one of its pivots is weak, and what its roundings would be
-/// in M⁻¹ is not small beside the larger parts of it. (A biped without rotors has such a pivot in two states of five, and in one of
-/// 36 such that it would be seen; random chains on free bases keep the same digits.)
+/// Whether a root C of a free base's A⁻¹ is to be mended (weak_pivot.hpp): one of its pivots is weak, and what its
+/// roundings would be in M⁻¹ is not small beside the larger parts of it. (A biped without rotors has such a pivot in
+/// two states of five, and in one of 36 such that it would be seen; random chains on free bases keep the same digits.)
 template <class Scalar>
 bool is_weak(const Matrix6<Scalar>& C, const Vector6<Scalar>& scale, const Scalar& largest_inverse)
 {
@@ -215,7 +216,9 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     if constexpr (bodies_first<Scalar>) {
       bool strong = true;
 #pragma GCC unroll 8
-      for (int k = 0; k < 6; ++k) { strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k)); }
+      for (int k = 0; k < 6; ++k) {
+        strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k));
+      }
       if (!strong) { OneByOne<Scalar>::ask(); }
     } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, largest_inverse)) {
       Matrix6<Scalar> T = Matrix6<Scalar>::Identity();

@@ -1,13 +1,14 @@
 // A free subsystem in square-root form: square_root.hpp.
 //
-// A free base that is much lighter than the limb on it moves almost freely as the limb's first joint does: of the limb's
-// rows n, n S = 0 for S, the joint's own column seen from the base. Were the base's acceleration kept as six numbers, the
-// limb would move by their roundings times what the base's lightness makes of a force. So its columns are exchanged:
+// A free base that is much lighter than the limb on it moves almost freely as the limb's first joint does: of the
+// limb's rows n, n S = 0 for S, the joint's own column seen from the base. Were the base's acceleration kept as six
+// numbers, the limb would move by their roundings times what the base's lightness makes of a force. So its columns are
+// exchanged:
 //
 //     V̇ = E b + S·rate,    N V̇ = [N E  v] (b; rate),   v = N S,    E: unit columns but one, p, where S is largest
 //
-// with v = 0 in the limb's rows from the start, v = N_b S in the base's own, n times what is left of S (SharedAxis) in those
-// of other limbs. With Q [N E  v  z] = [N₁  z₁] and G the columns of (E b; rate) = G e for N₁ (b; rate) = e,
+// with v = 0 in the limb's rows from the start, v = N_b S in the base's own, n times what is left of S (SharedAxis) in
+// those of other limbs. With Q [N E  v  z] = [N₁  z₁] and G the columns of (E b; rate) = G e for N₁ (b; rate) = e,
 //
 //     (E b; rate) = G (z₁ − Gᵀ (h; Sᵀh)),   V̇ = E b + S·rate,   q̈ = W (V̇ − bias − y),   C = W (E b + S·rate) of G
 //
@@ -30,7 +31,8 @@
 
 namespace iim::detail {
 
-/// S of a free frame: the column of the joint `child` that hangs on it, and v of the frame's own rows. Before the inward loop.
+/// S of a free frame: the column of the joint `child` that hangs on it, and v of the frame's own rows. Before the
+/// inward loop.
 template <class Workspace>
 void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& ws)
 {
@@ -70,7 +72,8 @@ int exchanged(const Vector6<Scalar>& S)
   return abs(S(turning)) > Scalar(0) ? turning : most(0);
 }
 
-/// Lanes `column` and along_S of a row, exchanged: whole rows at a time, since parts of one that is stored are slow to load.
+/// Lanes `column` and along_S of a row, exchanged: whole rows at a time, since parts of one that is stored are slow to
+/// load.
 template <class Scalar>
 class Exchange {
 public:
@@ -96,8 +99,8 @@ private:
 /// Q [N E  v  z] = [N₁  z₁] of the rows on a free frame, and G, the rate's row last. N₁ and z₁: as they are without the
 /// exchange. False if N₁ is singular up to roundings.
 template <class Scalar>
-bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::Rows& rows, std::array<RootRow<Scalar>, 6>& N,
-                    RowTape<Scalar>* tape)
+bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::Rows& rows,
+                    std::array<RootRow<Scalar>, 6>& N, RowTape<Scalar>* tape)
 {
   using std::abs;
   const bool keeps_v = inertia.keeps_v;
@@ -118,8 +121,8 @@ bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::
   for (int k = 5; k >= 0; --k) {
     const RootRow<Scalar>& n = N[static_cast<std::size_t>(k)];
     const int row = pivot[static_cast<std::size_t>(k)];
-    // Measured: half of this still refuses every base without mass on one limb (3000 robots), twice of it refuses in float
-    // one of a hundred bases that are up to 1e10 times lighter than their limb.
+    // Measured: half of this still refuses every base without mass on one limb (3000 robots), twice of it refuses in
+    // float one of a hundred bases that are up to 1e10 times lighter than their limb.
     const Scalar negligible = Scalar(8) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
     regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
     RootRow<Scalar> sum;
@@ -141,7 +144,8 @@ bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::
 /// Σ_k rows[k] rows[k](d), d < 6: of rows with the six columns of X, the columns of XᵀX.
 template <class Scalar>
 [[gnu::always_inline]] inline void products(const std::array<RootRow<Scalar>, 6>& left,
-                                            const std::array<RootRow<Scalar>, 6>& right, Eigen::Matrix<Scalar, 6, 6>& result)
+                                            const std::array<RootRow<Scalar>, 6>& right,
+                                            Eigen::Matrix<Scalar, 6, 6>& result)
 {
 #pragma GCC unroll 8
   for (int d = 0; d < 6; ++d) {
@@ -203,8 +207,12 @@ void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diag
       a(i) += inertia.S(i) * inertia.rate;
     }
   }
-  if constexpr (has_bias<scene, S>(0)) { for (int i = 0; i < 3; ++i) { a(i) -= f.bias(i); } }
-  if constexpr (has_bias<scene, S>(3)) { for (int i = 3; i < 6; ++i) { a(i) -= f.bias(i); } }
+  if constexpr (has_bias<scene, S>(0)) {
+    for (int i = 0; i < 3; ++i) { a(i) -= f.bias(i); }
+  }
+  if constexpr (has_bias<scene, S>(3)) {
+    for (int i = 3; i < 6; ++i) { a(i) -= f.bias(i); }
+  }
 #pragma GCC unroll 8
   for (int d = 0; d < 6; ++d) {
     const auto at = static_cast<std::size_t>(d);

@@ -24,8 +24,8 @@ enum class Factorization {
   branch_sparse  ///< that M is zero for velocities on different branches
 };
 
-/// B̂ and q̈₀ by composite inertias, recursive Newton–Euler and Cholesky. Owns its memory, O(n_v · depth + n_v · m), dense
-/// O(n_v²); refers to tree and inputs. Scene: that of the O(n) pass.
+/// B̂ and q̈₀ by composite inertias, recursive Newton–Euler and Cholesky. Owns its memory, O(n_v · depth + n_v · m),
+/// dense O(n_v²); refers to tree and inputs. Scene: that of the O(n) pass.
 ///
 /// Of the O(n) pass it needs the kinematics only: method(q, q̇, workspace) does without the rest.
 template <class Tree, Factorization factorization = Factorization::branch_sparse, Scene scene = Scene{}>
@@ -58,10 +58,13 @@ public:
   /// The same without the O(n) pass; overwrites the workspace.
   template <class Q, class V, class Workspace>
     requires(!scene.implicit)
-  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace) &
+  AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                                    Workspace& workspace) &
   {
     detail::ForwardPass<scene, Workspace> pass(workspace);
-    if (pass.fits(q.derived(), qd.derived())) { detail::kinematics<scene>(q.derived(), qd.derived(), workspace, pass.diagnosis()); }
+    if (pass.fits(q.derived(), qd.derived())) {
+      detail::kinematics<scene>(q.derived(), qd.derived(), workspace, pass.diagnosis());
+    }
     const ForwardDynamics<Workspace> fd = pass.receipt();
     return compute(workspace, fd.status_on(*tree_), fd.subsystem());
   }
@@ -114,10 +117,11 @@ private:
       const auto& column = B.column(j);
       const Scalar* entries = B.entries(j);
       Index last = -1;
-      limbs_.for_each_run(limbs_.limb_of(column.subsystem), column.begin, column.end, [&](Index a, Index v, Index count) {
-        for (Index k = 0; k < count; ++k) { X[(v + k) * width + (j - begin)] = entries[a + k]; }
-        last = std::max(last, v + count - 1);
-      });
+      limbs_.for_each_run(limbs_.limb_of(column.subsystem), column.begin, column.end,
+                          [&](Index a, Index v, Index count) {
+                            for (Index k = 0; k < count; ++k) { X[(v + k) * width + (j - begin)] = entries[a + k]; }
+                            last = std::max(last, v + count - 1);
+                          });
       if (last >= 0) { cholesky_.reach(last); }
     }
     if (bias) {
@@ -155,7 +159,8 @@ private:
     for (Index v = 0; v < tree_->n_v(); ++v) {
       const Index limb = limbs_.limb_of_velocity(v);
       limbs_.for_each_run(limb, 0, path_position(v) + 1, [&](Index a, Index first, Index count) {
-        std::copy(M.data() + v * M.rows() + a, M.data() + v * M.rows() + a + count, dense_.data() + v * dense_.rows() + first);
+        std::copy(M.data() + v * M.rows() + a, M.data() + v * M.rows() + a + count,
+                  dense_.data() + v * dense_.rows() + first);
       });
     }
   }

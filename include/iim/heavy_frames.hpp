@@ -11,8 +11,8 @@
 
 namespace iim::detail {
 
-/// Frames of a tree whose body has 256 times the mass, or moment of inertia, of a body further inward: what a force on less
-/// loses is a few ε (4 for a load of 256 kg on links of 1 kg).
+/// Frames of a tree whose body has 256 times the mass, or moment of inertia, of a body further inward: what a force on
+/// less loses is a few ε (4 for a load of 256 kg on links of 1 kg).
 template <class Scalar>
 class HeavyFrames {
 public:
@@ -38,7 +38,9 @@ public:
                smaller(lightest[at(node.parent)].moment, body[at(node.inlet)].moment)};
       for (Index f = node.frame; f < tree.n_frames() && tree.owner(f) == node.index; ++f) {
         const FrameMass<Scalar>& own = tree.frame_mass(f);
-        if (!outweighs(own.mass, light.mass) && !outweighs(sum_of_moments(own.central_inertia), light.moment)) { continue; }
+        if (!outweighs(own.mass, light.mass) && !outweighs(sum_of_moments(own.central_inertia), light.moment)) {
+          continue;
+        }
         any = true;
         frame[at(f)] = 1;
         for (Index i = node.index; i >= 0 && subsystem[at(i)] == 0; i = tree.node(i).parent) { subsystem[at(i)] = 1; }

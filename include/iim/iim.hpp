@@ -9,9 +9,9 @@
 //     ImplicitInversion                   B̂ and q̈₀ from the receipt, Algorithm 1; AffineDynamics
 //
 // Not included here, each a header of its own: the other methods for B̂ (unit_force.hpp, global_inverse.hpp,
-// recursive_inverse.hpp), task rows (task.hpp), many states at once (several_states.hpp), robots from files (urdf.hpp), the paper's
-// models (models.hpp), further subsystems (subsystem/), their laws of mechanics as a test (law_suite.hpp), and T_ip, F_i, M̄_i, h̄_i,
-// B̄_i of one subsystem as dense matrices (subsystem_matrices.hpp).
+// recursive_inverse.hpp), task rows (task.hpp), many states at once (several_states.hpp), robots from files (urdf.hpp),
+// the paper's models (models.hpp), further subsystems (subsystem/), their laws of mechanics as a test (law_suite.hpp),
+// and T_ip, F_i, M̄_i, h̄_i, B̄_i of one subsystem as dense matrices (subsystem_matrices.hpp).
 //
 // Subsystem i hangs with its coupling point on its parent p. Letters of the paper, and their names here:
 //
@@ -29,8 +29,8 @@
 //     Γ⁻¹, F*          rows_ in product_plan.hpp, H in product_form.hpp: with their columns times C, C Cᵀ = M̄_R⁻¹   (48), (31)
 //     B̂, q̈₀          Bhat, qdd0               (2)
 //
-// Not in the paper: the gain W = M̄_R⁻¹ Uᵀ, the inlet (the parent's frame that carries the coupling point), a subsystem's
-// frames (rigid parts that it moves), the scene (Scene), the square-root form (square_root.hpp).
+// Not in the paper: the gain W = M̄_R⁻¹ Uᵀ, the inlet (the parent's frame that carries the coupling point), a
+// subsystem's frames (rigid parts that it moves), the scene (Scene), the square-root form (square_root.hpp).
 #pragma once
 
 #include <iim/affine_dynamics.hpp>

@@ -2,8 +2,9 @@
 //
 //     B̂ = Γ⁻¹ diag(M̄_R⁻¹) F*ᵀ B̄                                                                       (50)
 //
-// read from the left, as Algorithm 1 has it, Γ⁻¹ and F* once and a product for all inputs (product_form.hpp); or from the
-// right, a few inputs at a time through the tree (sweep.hpp), which needs nothing of size n². Whichever is the cheaper.
+// read from the left, as Algorithm 1 has it, Γ⁻¹ and F* once and a product for all inputs (product_form.hpp); or from
+// the right, a few inputs at a time through the tree (sweep.hpp), which needs nothing of size n². Whichever is the
+// cheaper.
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
@@ -24,26 +25,27 @@ namespace iim {
 
 namespace detail {
 
-/// The number of active columns from which on the product costs less than the sweep for all that may follow; max_columns + 1
-/// if it never does.
+/// The number of active columns from which on the product costs less than the sweep for all that may follow;
+/// max_columns + 1 if it never does.
 ///
-/// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as measured
-/// with AVX-512, AVX2 and SSE2, pass and B̂ in one call, on chains to 300 links, trees to 255, the biped and one to six limbs on
-/// a free base (slower by more than 10 % than the other form in 19 of 6508 cases, by 0.3 % in the mean), otherwise as counted.
-/// Columns are taken to be spread over the inputs of the tree evenly.
+/// Costs are loop steps of one vector register each: where a register holds several rows or columns weighted as
+/// measured with AVX-512, AVX2 and SSE2, pass and B̂ in one call, on chains to 300 links, trees to 255, the biped and
+/// one to six limbs on a free base (slower by more than 10 % than the other form in 19 of 6508 cases, by 0.3 % in the
+/// mean), otherwise as counted. Columns are taken to be spread over the inputs of the tree evenly.
 template <class Scalar>
 [[gnu::cold]] Index product_pays_from(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
 {
-  constexpr double lanes = lane_count<Scalar>, width = register_lanes<Scalar>;  // of a step of the product, of a narrow sweep
+  constexpr double lanes = lane_count<Scalar>,
+                   width = register_lanes<Scalar>;  // of a step of the product, of a narrow sweep
   constexpr double registers = lanes / width;
   struct Cost {
     double fixed, per_velocity;
   };
   constexpr bool several = lane_count<Scalar> > 1;
   if constexpr (several) {
-    // L decays along a path, by about 0.8 decades per link of a chain of equal ones: where it comes to numbers without a
-    // full mantissa, in float, the product takes longer (chain of 63, all joints driven: 2.1, of 100: 7 times as long as
-    // by sweeps).
+    // L decays along a path, by about 0.8 decades per link of a chain of equal ones: where it comes to numbers without
+    // a full mantissa, in float, the product takes longer (chain of 63, all joints driven: 2.1, of 100: 7 times as long
+    // as by sweeps).
     constexpr int decades = -std::numeric_limits<Scalar>::min_exponent10;
     if (0.8 * static_cast<double>(tree.max_path_v()) > decades) { return inputs.max_columns() + 1; }
   }
@@ -51,10 +53,10 @@ template <class Scalar>
   constexpr Cost column_cost = several ? Cost{0, 17} : Cost{10, 13};
   constexpr Cost outward_cost = several ? Cost{28, 43} : Cost{12, 15};
   constexpr Cost inward_cost = several ? Cost{6, 1} : Cost{28, 15};
-  constexpr double wide_cost = 1.3;     // a wide sweep of a narrow one's
-  double factors = 0;                   // L and H
-  double everywhere = 0;                // outward loop of the sweep
-  double inward = 0;                    // its inward loop, along the paths of the inputs' columns
+  constexpr double wide_cost = 1.3;  // a wide sweep of a narrow one's
+  double factors = 0;                // L and H
+  double everywhere = 0;             // outward loop of the sweep
+  double inward = 0;                 // its inward loop, along the paths of the inputs' columns
   Array<double> path(static_cast<std::size_t>(tree.size()), 0);
   Array<double> rows(static_cast<std::size_t>(tree.size()), 0);  // products of one column of B̂ with L
   for (const Node& node : tree.nodes()) {
@@ -82,13 +84,14 @@ template <class Scalar>
   const double each = most > 0 ? 1 / static_cast<double>(most) : 0.0;
   const double column = product * each;
   const double sweep = everywhere + inward * each;
-  // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width: the
-  // last step below the product counts.
+  // If all rows of B̂ are columns, too, half of the product is computed. The sweep's cost goes in steps of its width:
+  // the last step below the product counts.
   const bool symmetric = rows_of_L == tree.n_v() && (several || paths_are_shared(tree));
   Index from = most + 1;
   for (; from > 1; --from) {
     const double count = static_cast<double>(from - 1);
-    const double sweeps = !several || count <= width ? std::ceil(count / width) : wide_cost * std::ceil(count / (2 * width));
+    const double sweeps =
+        !several || count <= width ? std::ceil(count / width) : wide_cost * std::ceil(count / (2 * width));
     const double columns = symmetric && from > most ? count / 2 : count;
     if (factors + columns * column >= sweeps * sweep) { break; }
   }
@@ -122,12 +125,13 @@ public:
     return finish(fd, use_product() ? (*product_)(fd.workspace(), Bhat) : (*sweep_)(fd.workspace(), Bhat));
   }
 
-  /// The O(n) pass at the state (q, q̇) and this, in one call with the numbers of two. As a product, loops of both become one:
-  /// q̈₀ and B̂ of an arm, a chain of 20 and one of 50 take 7 to 10 % less, of the biped 4 %. Arguments and errors as of
-  /// forward_dynamics.
+  /// The O(n) pass at the state (q, q̇) and this, in one call with the numbers of two. As a product, loops of both
+  /// become one: q̈₀ and B̂ of an arm, a chain of 20 and one of 50 take 7 to 10 % less, of the biped 4 %. Arguments and
+  /// errors as of forward_dynamics.
   template <Scene scene = Scene{}, class Q, class V, class Workspace>
     requires std::same_as<typename Workspace::Tree, Tree>
-  StateDynamics<Workspace> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Workspace& workspace) &
+  StateDynamics<Workspace> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                                      Workspace& workspace) &
   {
     static_assert(!scene.implicit, "of an implicit step, give the receipt: it says how long the step is");
     detail::ForwardPass<scene, Workspace> pass(workspace);
@@ -135,8 +139,10 @@ public:
     if (pass.fits(q.derived(), qd.derived())) {
       pass.kinematics(q.derived(), qd.derived());
       pass.inertia();
-      if constexpr (detail::lane_count<Scalar> > 1) {  // several states wait for nothing: one by one the loops take 2 % less
-        if (use_product() && result_.status_on(*inputs_, pass.receipt().status_on(inputs_->tree())) != Status::mismatch) {
+      if constexpr (detail::lane_count<Scalar> >
+                    1) {  // several states wait for nothing: one by one the loops take 2 % less
+        if (use_product() &&
+            result_.status_on(*inputs_, pass.receipt().status_on(inputs_->tree())) != Status::mismatch) {
           auto Bhat = result_.Bhat(inputs_->columns());
           finite = product_->with_accelerations(pass, workspace, Bhat);
           const auto fd = pass.receipt();

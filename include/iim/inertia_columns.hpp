@@ -1,7 +1,7 @@
 // SpatialInertia of one state in float or double: columns of 3 × 3 blocks, each in a register.
 //
-// A step of the inward loop is then some ninety vector operations in place of five hundred on single numbers. M and J are
-// kept whole; what rounds differently above and below their diagonals does not grow: `shifted` takes the mean.
+// A step of the inward loop is then some ninety vector operations in place of five hundred on single numbers. M and J
+// are kept whole; what rounds differently above and below their diagonals does not grow: `shifted` takes the mean.
 #pragma once
 
 #include <iim/spatial.hpp>
@@ -64,7 +64,8 @@ struct ColumnBlock {
   /// this·r̃.
   [[gnu::always_inline]] ColumnBlock times_skew(const Vector3<Scalar>& r) const
   {
-    return {{column[1] * r(2) - column[2] * r(1), column[2] * r(0) - column[0] * r(2), column[0] * r(1) - column[1] * r(0)}};
+    return {{column[1] * r(2) - column[2] * r(1), column[2] * r(0) - column[0] * r(2),
+             column[0] * r(1) - column[1] * r(0)}};
   }
 
   /// R I Rᵀ for symmetric I. R was written some time ago.
@@ -73,7 +74,8 @@ struct ColumnBlock {
     const ColumnBlock axes{settled_columns(R)};
     const ColumnBlock RI{{axes.times(I(0, 0), I(1, 0), I(2, 0)), axes.times(I(0, 1), I(1, 1), I(2, 1)),
                           axes.times(I(0, 2), I(1, 2), I(2, 2))}};
-    return {{RI.times(R(0, 0), R(0, 1), R(0, 2)), RI.times(R(1, 0), R(1, 1), R(1, 2)), RI.times(R(2, 0), R(2, 1), R(2, 2))}};
+    return {{RI.times(R(0, 0), R(0, 1), R(0, 2)), RI.times(R(1, 0), R(1, 1), R(1, 2)),
+             RI.times(R(2, 0), R(2, 1), R(2, 2))}};
   }
   /// += 2 (r·s) 1 − r sᵀ − s rᵀ.
   [[gnu::always_inline]] void add_offset(const Triple<Scalar>& r, const Triple<Scalar>& s)
@@ -173,10 +175,7 @@ struct SpatialInertia<Scalar> {
     return {H.times(a(0), a(1), a(2)), J.times(a(0), a(1), a(2))};
   }
 
-  Matrix6<Scalar> dense() const
-  {
-    return detail::in_blocks(M.dense(), H, J.dense());
-  }
+  Matrix6<Scalar> dense() const { return detail::in_blocks(M.dense(), H, J.dense()); }
 };
 
 }  // namespace iim

@@ -1,5 +1,5 @@
-// What a subsystem leaves on the frame that it hangs on, in square-root form: its share of that frame's S, its wrench and its
-// rows (square_root.hpp).
+// What a subsystem leaves on the frame that it hangs on, in square-root form: its share of that frame's S, its wrench
+// and its rows (square_root.hpp).
 #pragma once
 
 #include <iim/kinematics.hpp>
@@ -60,8 +60,8 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   difference.put(shared.difference.data());
 }
 
-/// Whether S of a subsystem and of its inlet are about one line, where a body of six rows does not keep the latter's v from
-/// being roundings.
+/// Whether S of a subsystem and of its inlet are about one line, where a body of six rows does not keep the latter's v
+/// from being roundings.
 template <class S, class Workspace>
 [[gnu::always_inline]] inline bool coincide(const Node& node, const NodeState<S>& state, const Workspace& ws)
 {
@@ -75,9 +75,9 @@ template <class S, class Workspace>
   return !(sum(T, 3) > small) && !(sum(T, 0) > small * (sum(state.r, 0) + sum(inlet.S, 0)));
 }
 
-/// Of axes that coincide the difference is roundings of what it is taken from, and so is v of the rows that are handed on: to the
-/// scale an eighth of Σ |n| · |what it is taken from|, so that v below 8 ε of this counts as zero. What is exactly zero has no
-/// roundings.
+/// Of axes that coincide the difference is roundings of what it is taken from, and so is v of the rows that are handed
+/// on: to the scale an eighth of Σ |n| · |what it is taken from|, so that v below 8 ε of this counts as zero. What is
+/// exactly zero has no roundings.
 template <class S, class Workspace>
 [[gnu::noinline, gnu::cold]] void add_scale_of_roundings(const Node& node, const NodeState<S>& state, Workspace& ws)
 {
@@ -85,7 +85,8 @@ template <class S, class Workspace>
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
   const Vector6<Scalar>&T = ws.shared_axis(node.index).difference, &own = state.S_k[0], &inlet_S = inlet.S;
-  const bool moves = (abs(T(0)) + abs(T(1))) + abs(T(2)) > Scalar(0), turns = (abs(T(3)) + abs(T(4))) + abs(T(5)) > Scalar(0);
+  const bool moves = (abs(T(0)) + abs(T(1))) + abs(T(2)) > Scalar(0),
+             turns = (abs(T(3)) + abs(T(4))) + abs(T(5)) > Scalar(0);
   const RootRow<Scalar> size = size_of_columns(ws.rows(node.frame));
   Scalar scale(0);
   for (int k = 0; k < 3; ++k) {
@@ -106,13 +107,13 @@ template <class Workspace>
   return size;
 }
 
-/// What has been handed on to an inlet without a body of its own is wrong by roundings of the rows `size` that it was reduced from,
-/// `weakness` times as large where their v was small, and so is v of the inlet, be it ever so small. (Four joints about one point or
-/// along one direction, all but the last without mass: of 12000 machines 6000 passed for regular without this; with it none, and of
-/// 6000 with three joints none is refused.)
+/// What has been handed on to an inlet without a body of its own is wrong by roundings of the rows `size` that it was
+/// reduced from, `weakness` times as large where their v was small, and so is v of the inlet, be it ever so small.
+/// (Four joints about one point or along one direction, all but the last without mass: of 12000 machines 6000 passed
+/// for regular without this; with it none, and of 6000 with three joints none is refused.)
 template <class Workspace>
 [[gnu::noinline, gnu::cold]] void add_scale_of_rows(const Node& node, const RootRow<typename Workspace::Scalar>& size,
-                                                const typename Workspace::Scalar& weakness, Workspace& ws)
+                                                    const typename Workspace::Scalar& weakness, Workspace& ws)
 {
   using std::abs;
   using Scalar = typename Workspace::Scalar;
@@ -122,7 +123,8 @@ template <class Workspace>
   ws.root(node.inlet).scale += scale * weakness;
 }
 
-/// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of S_i.
+/// h' on the inlet. S_i · h' is what acts on the joint itself, `load`, or within it, where the inlet's S has a share of
+/// S_i.
 template <class S, class Workspace>
 [[gnu::always_inline]] inline void put_wrench(const Node& node, const NodeState<S>& state,
                                               const TriplePair<typename S::Scalar>& h, const typename S::Scalar& load,
@@ -173,11 +175,12 @@ void put_compressed(const std::array<RootRow<Scalar>, steps>& result, int count,
   for (int k = 0; k < count; ++k) { rows.put_row(k, result[static_cast<std::size_t>(k)]); }
 }
 
-/// To `compressed` at most `rank` rows in place of others, n(r) those from row r on, `count` of them without the one at `hole`; on
-/// the tape they are from `out` on.
+/// To `compressed` at most `rank` rows in place of others, n(r) those from row r on, `count` of them without the one at
+/// `hole`; on the tape they are from `out` on.
 template <int most, class Scalar, class Rows>
 [[gnu::always_inline]] inline Eigen::Index compress_left(Rows&& n, Eigen::Index count, Eigen::Index hole, int rank,
-                                                         RootRows<Scalar, 6>& compressed, RowTape<Scalar>* tape, Eigen::Index out)
+                                                         RootRows<Scalar, 6>& compressed, RowTape<Scalar>* tape,
+                                                         Eigen::Index out)
 {
   RootRows<Scalar, most> rows;
   for (Eigen::Index r = 0; r < count; r += rows.lanes) {
@@ -209,13 +212,13 @@ struct LeftWithin {
   }
 };
 
-/// The rows that are left, n(r) those from row r on, `count`, of which the one at `hole` is no more, and those of bodies on the
-/// inlet, seen from the parent's point. `tape`: of what leaves the rows, `from` the first of them there, `within_from` the first
-/// of what lies within.
+/// The rows that are left, n(r) those from row r on, `count`, of which the one at `hole` is no more, and those of
+/// bodies on the inlet, seen from the parent's point. `tape`: of what leaves the rows, `from` the first of them there,
+/// `within_from` the first of what lies within.
 template <Scene scene, class S, class Workspace, class Rows, int n_within>
-[[gnu::always_inline]] inline void stack_on_inlet(const Node& node, const NodeState<S>& state, Rows&& n, Eigen::Index count,
-                                                  Eigen::Index hole, bool inlet_bodies, Workspace& ws,
-                                                  const LeftWithin<typename S::Scalar, n_within>& left,
+[[gnu::always_inline]] inline void stack_on_inlet(const Node& node, const NodeState<S>& state, Rows&& n,
+                                                  Eigen::Index count, Eigen::Index hole, bool inlet_bodies,
+                                                  Workspace& ws, const LeftWithin<typename S::Scalar, n_within>& left,
                                                   RowTape<typename S::Scalar>* tape, Eigen::Index from,
                                                   Eigen::Index within_from)
 {
@@ -254,7 +257,13 @@ template <Scene scene, class S, class Workspace, class Rows, int n_within>
   move_rows<false>(n, count, move, onto, inlet.scale);
   if (tape != nullptr) [[unlikely]] {
     const bool in_hole = hole >= 0;
-    tape->arrival = {from, count, to, within_from, left.count, in_hole ? to + hole : onto.count, onto.count + (in_hole ? 0 : 1),
+    tape->arrival = {from,
+                     count,
+                     to,
+                     within_from,
+                     left.count,
+                     in_hole ? to + hole : onto.count,
+                     onto.count + (in_hole ? 0 : 1),
                      inlet_tape->size()};
   }
   if constexpr (n_within > 0) {

@@ -31,9 +31,9 @@ template <class Scalar>
 struct Input {
   InputKind kind;
   std::string name;
-  Index size;        ///< number of columns
-  Index subsystem;   ///< that it acts on
-  Index frame = -1;  ///< that it acts on (force, wrench)
+  Index size;                                       ///< number of columns
+  Index subsystem;                                  ///< that it acts on
+  Index frame = -1;                                 ///< that it acts on (force, wrench)
   Vector3<Scalar> point = Vector3<Scalar>::Zero();  ///< in that frame [m] (force, wrench)
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of a named frame on that frame, for Axes::body
   Axes axes = Axes::world;
@@ -89,15 +89,17 @@ public:
     return append(input);
   }
 
-  /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such frame, the
-  /// world carries it, or the point is not finite.
-  Id add_force(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such
+  /// frame, the world carries it, or the point is not finite.
+  Id add_force(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
+               Axes axes = Axes::world)
   {
     return append(at_point(InputKind::force, 3, frame, point, axes));
   }
 
   /// Force and moment on the robot at a point of a named frame, 6 columns (force, moment). Throws as add_force.
-  Id add_wrench(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  Id add_wrench(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
+                Axes axes = Axes::world)
   {
     return append(at_point(InputKind::wrench, 6, frame, point, axes));
   }
@@ -111,8 +113,8 @@ public:
   }
 
   const TreeData<Scalar>& tree() const { return *tree_; }
-  Index columns() const { return columns_; }          ///< active columns: the width of B̂, the length of u, the paper's m
-  Index changes() const { return changes_; }          ///< another number than before: blocks may have been switched
+  Index columns() const { return columns_; }  ///< active columns: the width of B̂, the length of u, the paper's m
+  Index changes() const { return changes_; }  ///< another number than before: blocks may have been switched
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
   /// The same, for a method on `tree`. Throws ModelError if these are the inputs of another one.
   Index max_columns_on(const TreeData<Scalar>& tree) const
@@ -174,10 +176,13 @@ private:
     return input;
   }
 
-  Input<Scalar> at_point(InputKind kind, Index size, const std::string& name, const Vector3<Scalar>& point, Axes axes) const
+  Input<Scalar> at_point(InputKind kind, Index size, const std::string& name, const Vector3<Scalar>& point,
+                         Axes axes) const
   {
     const FrameReference<Scalar>& frame = tree_->frame(name);
-    if (frame.frame < 0) { throw ModelError("frame '" + name + "' is fixed to the world: no force on it moves the robot"); }
+    if (frame.frame < 0) {
+      throw ModelError("frame '" + name + "' is fixed to the world: no force on it moves the robot");
+    }
     if (!detail::all_finite(point)) {
       throw ModelError("point on frame '" + name + "' must be finite, got " + detail::to_text(point));
     }
@@ -206,7 +211,8 @@ private:
 }  // namespace detail
 
 /// The inputs u of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; set_active
-/// does neither. Columns of inactive blocks do not exist: those after them move up. Refer to the tree, which must stay where it is.
+/// does neither. Columns of inactive blocks do not exist: those after them move up. Refer to the tree, which must stay
+/// where it is.
 template <class Tree>
 class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
   using Blocks = detail::InputBlocks<typename Tree::Scalar>;

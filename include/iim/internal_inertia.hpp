@@ -14,16 +14,16 @@ namespace iim::detail {
 template <class S>
 struct SpunRotor {
   using Scalar = typename S::Scalar;
-  Triple<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};        ///< axis; zero for an armature
-  Eigen::Matrix<Scalar, S::n_i, 1> e;                       ///< spin relative to the inlet per q̇_i
-  Scalar J;                                                 ///< axial inertia
-  Scalar bias{0};                                           ///< what a·V̇ of the carrier is for y = 0 and q̈_i = 0
-  Triple<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};   ///< of the spin turning with its carrier
+  Triple<Scalar> a{Scalar(0), Scalar(0), Scalar(0)};       ///< axis; zero for an armature
+  Eigen::Matrix<Scalar, S::n_i, 1> e;                      ///< spin relative to the inlet per q̇_i
+  Scalar J;                                                ///< axial inertia
+  Scalar bias{0};                                          ///< what a·V̇ of the carrier is for y = 0 and q̈_i = 0
+  Triple<Scalar> moment{Scalar(0), Scalar(0), Scalar(0)};  ///< of the spin turning with its carrier
 };
 
 template <Scene scene, class S, class RotorType, class Workspace>
-[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const Node& node, const RotorType& rotor, const NodeState<S>& state,
-                                                      const Workspace& ws)
+[[gnu::always_inline]] inline SpunRotor<S> spin_rotor(const Node& node, const RotorType& rotor,
+                                                      const NodeState<S>& state, const Workspace& ws)
 {
   using Scalar = typename S::Scalar;
   SpunRotor<S> spun;
@@ -86,7 +86,8 @@ template <class S, class RotorType, class Wrench>
 
 /// D += ratioᵀ inertia ratio.
 template <class Scalar, int n_i>
-[[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring, Eigen::Matrix<Scalar, n_i, n_i>& D)
+[[gnu::always_inline]] inline void add_spring(const SpringInertia<Scalar, n_i>& spring,
+                                              Eigen::Matrix<Scalar, n_i, n_i>& D)
 {
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {

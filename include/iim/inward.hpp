@@ -35,14 +35,14 @@ template <Scene scene, class S, class Workspace>
   SpatialInertia<Scalar> A_body;
   TriplePair<Scalar> h_body;
   const Triple<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-  place_bodies<false, scene.velocity>(body, state.R, at_inlet, Triple<Scalar>::settled(ws.frame(node.inlet).omega.data()),
-                                      A_body, h_body);
+  place_bodies<false, scene.velocity>(body, state.R, at_inlet,
+                                      Triple<Scalar>::settled(ws.frame(node.inlet).omega.data()), A_body, h_body);
   A += A_body;
   h += h_body;
 }
 
-/// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling point
-/// that comes with the inlet turning.
+/// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling
+/// point that comes with the inlet turning.
 template <Scene scene, class Scalar>
 [[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench,
                                            const Vector3<Scalar>& c, const Vector3<Scalar>& r,
@@ -67,10 +67,12 @@ template <Scene scene, class Scalar>
   p.put(inlet.h.data());
 }
 
-/// Matrix form. receiver: the frame that takes what is handed on. (Inlined: called, a motor-arm's step takes 6 % longer.)
+/// Matrix form. receiver: the frame that takes what is handed on. (Inlined: called, a motor-arm's step takes 6 %
+/// longer.)
 template <Scene scene, class S, class Workspace>
 [[gnu::always_inline]] inline void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state,
-                                                 Workspace& ws, Diagnosis& diagnosis, typename S::Scalar& largest_inverse)
+                                                 Workspace& ws, Diagnosis& diagnosis,
+                                                 typename S::Scalar& largest_inverse)
 {
   using Scalar = typename S::Scalar;
   constexpr MotionPattern pattern = S::pattern;
@@ -227,7 +229,8 @@ template <Scene scene, class S, class Workspace>
   if constexpr (mends_pivots<S, Workspace>()) {
     if (mended) [[unlikely]] {  // A S = 0 from here on: `projected` leaves it as it is
       const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-      carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]), TriplePair<Scalar>(W[0]));
+      carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]),
+                            TriplePair<Scalar>(W[0]));
       U_k[0][0] = {zero, zero};
     }
   }
@@ -351,9 +354,7 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     }
     TurnedStep<Workspace> step;
     const bool turned = ws.axes().turned();
-    if (turned) [[unlikely]] {
-      step.enter(node.frame, node.inlet, receiver, StepData(state), ws);
-    }
+    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, receiver, StepData(state), ws); }
     if constexpr (S::n_i == 0) {
       rigid_inward<scene>(node, state, ws);
     } else if constexpr (is_free<S>()) {

@@ -101,7 +101,8 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     along_h = column_dot<pattern>(state.S_k[0], 0, hg) + N_0.h_along;
     hg += TriplePair<Scalar>(N_0.h.data());
   }
-  // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in it.
+  // Bodies alone first: what they keep then has A'S = 0 up to roundings of its own, and no share of a small rotor in
+  // it.
   std::array<std::array<Scalar, padded>, static_cast<std::size_t>(n_i)> top;  // [N₁ | z₁ | T]
   [[maybe_unused]] Reflection<Scalar, 8> reflection;
   [[maybe_unused]] SingleRow<Scalar> above = SingleRow<Scalar>::zero();
@@ -112,10 +113,10 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
   }
   [[maybe_unused]] const Scalar body_v = above.v;
-  Scalar slip(0);                      // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
-  Scalar undone(1);                    // W S
-  Scalar within_S(0);                  // Σ v n S over what lies within
-  Scalar own_load = ws.load()(node.v);     // S h' on the inlet
+  Scalar slip(0);                         // 1 − W S; times T² at first, Σ v (v − n S) over what lies within
+  Scalar undone(1);                       // W S
+  Scalar within_S(0);                     // Σ v n S over what lies within
+  Scalar own_load = ws.load()(node.v);    // S h' on the inlet
   [[maybe_unused]] Scalar own_moment(0);  // of it the rotors', which a large load would take the digits of
   [[maybe_unused]] int n_put = 0;
   [[maybe_unused]] const auto put_within = [&](SingleRow<Scalar> row, const VectorI& ratio, const Scalar& against_S,

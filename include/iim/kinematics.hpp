@@ -1,4 +1,5 @@
-// The outward kinematic loop of the O(n) pass: orientations, Jacobians, velocity terms (8), (19), and bodies (A1), (A2).
+// The outward kinematic loop of the O(n) pass: orientations, Jacobians, velocity terms (8), (19), and bodies (A1),
+// (A2).
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -14,8 +15,8 @@ namespace iim {
 
 /// What a scene has; a term that is off costs nothing.
 struct Scene {
-  bool velocity = true;  ///< false: q̇ = 0, and the argument is not read
-  bool gravity = true;   ///< false: free fall
+  bool velocity = true;   ///< false: q̇ = 0, and the argument is not read
+  bool gravity = true;    ///< false: free fall
   bool implicit = false;  ///< true: springs and dampers at the end of a step, `implicit_step`
 
   bool operator==(const Scene&) const = default;
@@ -76,8 +77,8 @@ constexpr bool has_bias(int rows)
 }
 
 /// Springs at the end of a step h: f(q + h q̇ + h² q̈, q̇ + h q̈) = f + h K q̇ + (h C + h² K) q̈ to first order, f: internal
-/// forces. `apart`: a spring's force stays with it (square_root.hpp); what is then left of f, if more than roundings, and the
-/// forces that stay with none, is subtracted from the loads.
+/// forces. `apart`: a spring's force stays with it (square_root.hpp); what is then left of f, if more than roundings,
+/// and the forces that stay with none, is subtracted from the loads.
 template <bool apart, class Springs, class S, class Load>
 void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::Scalar& step, Velocities<S> f,
              NodeState<S>& state, Load load)
@@ -113,8 +114,8 @@ void stretch(const Springs& springs, const Velocities<S>& qd, const typename S::
   }
 }
 
-/// From the base outward: orientations, Jacobians, velocity terms; in square-root form, the bodies in world axes. Of one
-/// subsystem.
+/// From the base outward: orientations, Jacobians, velocity terms; in square-root form, the bodies in world axes. Of
+/// one subsystem.
 template <Scene scene, class Data, class Q, class V>
 struct KinematicStep {
   using Scalar = typename Data::Scalar;
@@ -217,12 +218,14 @@ struct KinematicStep {
       if constexpr (Data::update == Update::square_root) {
         RootInertia<Scalar>& N_k = ws.root(node.frame + k);
         if constexpr (along<S>() != Along::nothing) {
-          TriplePair<Scalar>(state.S_k[0].data()).put(N_k.S.data());  // as it was written: other loads wait for these stores
+          TriplePair<Scalar>(state.S_k[0].data())
+              .put(N_k.S.data());  // as it was written: other loads wait for these stores
           N_k.h.setZero();
           N_k.h_along = Scalar(0);
         }
         const Vector3<Scalar> at_point(Scalar(0), Scalar(0), Scalar(0));
-        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r, f.omega, N_k);
+        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r,
+                                                f.omega, N_k);
         f.h.setZero();
       } else {
         f.arrived = false;
@@ -249,9 +252,7 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
 {
   ws.turns().set(q);
   const KinematicStep<scene, typename Workspace::Data, Q, V> kinematic_step{q, qd, ws, diagnosis, step};
-  ws.tree().outward([&]<class S>(const Node& node, const S& s) {
-    kinematic_step(node, s, ws.template node<S>(node));
-  });
+  ws.tree().outward([&]<class S>(const Node& node, const S& s) { kinematic_step(node, s, ws.template node<S>(node)); });
 }
 
 }  // namespace detail

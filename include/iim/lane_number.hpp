@@ -66,8 +66,9 @@ struct BitsOf<float> {
 
 }  // namespace detail
 
-/// N numbers, one of each of N states. (A register as in Row; <experimental/simd>, which consists of such, takes 0.8 s to
-/// compile, and clang does not contract its products and sums.) T: double or float. N: by default what a vector register holds.
+/// N numbers, one of each of N states. (A register as in Row; <experimental/simd>, which consists of such, takes 0.8 s
+/// to compile, and clang does not contract its products and sums.) T: double or float. N: by default what a vector
+/// register holds.
 template <class T, int N = detail::register_bytes / static_cast<int>(sizeof(T))>
 class Lanes {
   static_assert(std::is_same_v<T, double> || std::is_same_v<T, float>);
@@ -134,9 +135,11 @@ public:
   [[gnu::always_inline]] Lanes& operator/=(const Lanes& b) { return *this = *this / b; }
 
   // In every lane; LaneVote where lanes differ.
+  // clang-format off
   friend bool operator==(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] == b[k]; }); }
   friend bool operator<(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] < b[k]; }); }
   friend bool operator<=(const Lanes& a, const Lanes& b) { return vote([&](int k) { return a[k] <= b[k]; }); }
+  // clang-format on
   friend bool operator>(const Lanes& a, const Lanes& b) { return b < a; }
   friend bool operator>=(const Lanes& a, const Lanes& b) { return b <= a; }
 
@@ -157,7 +160,9 @@ public:
 #endif
     return each([&](int k) { return std::sqrt(a[k]); });
   }
+  // clang-format off
   friend Lanes abs(const Lanes& a) { return each([&](int k) { return std::abs(a[k]); }); }
+  // clang-format on
   // Of vectors: what is written lane by lane stays so with g++ (8 % of the O(n) pass, whose sizes are maxima).
   [[gnu::always_inline]] friend inline Lanes max(const Lanes& a, const Lanes& b)
   {
@@ -178,6 +183,7 @@ public:
   friend inline Lanes cos(const Lanes& a) { return sine(a, 1); }
 
   // Lane by lane, for subsystems that need them.
+  // clang-format off
   friend Lanes tan(const Lanes& a) { return each([&](int k) { return std::tan(a[k]); }); }
   friend Lanes asin(const Lanes& a) { return each([&](int k) { return std::asin(a[k]); }); }
   friend Lanes acos(const Lanes& a) { return each([&](int k) { return std::acos(a[k]); }); }
@@ -188,6 +194,7 @@ public:
   friend Lanes tanh(const Lanes& a) { return each([&](int k) { return std::tanh(a[k]); }); }
   friend Lanes hypot(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::hypot(a[k], b[k]); }); }
   friend Lanes pow(const Lanes& a, const Lanes& b) { return each([&](int k) { return std::pow(a[k], b[k]); }); }
+  // clang-format on
 
   friend bool isfinite(const Lanes& a) { return a.is_finite(); }
   friend std::ostream& operator<<(std::ostream& out, const Lanes& a)
@@ -288,8 +295,8 @@ private:
   }
 
   /// sin(angle + quarter_turns·π/2) to 1.5 ulp, 2.5 from 100 rad on: Cody and Waite's reduction to |r| ≤ π/4 and the
-  /// Taylor series, whose first neglected term is below ε/50. Both series are needed, each in some lanes; sin and cos of
-  /// one angle share them.
+  /// Taylor series, whose first neglected term is below ε/50. Both series are needed, each in some lanes; sin and cos
+  /// of one angle share them.
   [[gnu::always_inline]] static inline Lanes sine(const Lanes& angle, int quarter_turns)
   {
 #ifndef __FAST_MATH__  // which would put the parts of π/2 together again

@@ -3,9 +3,9 @@
 //     const iim::LawReport report = iim::check_laws(part);
 //     std::cout << report.text();   // a line per law; report.ok()
 //
-// The part is put on a base of three hinged links, with a hinged load on each of its frames, and into random states. The
-// laws see motion(), bodies(), rotors(), internal_force() and Bbar() from outside: positions are differenced, energies
-// summed.
+// The part is put on a base of three hinged links, with a hinged load on each of its frames, and into random states.
+// The laws see motion(), bodies(), rotors(), internal_force() and Bbar() from outside: positions are differenced,
+// energies summed.
 //
 //     inertia            M̄_i is symmetric, the sum over bodies and rotors, without negative eigenvalue, and its q̇ block
 //                        is positive definite (a point mass has no more: no motion about it costs energy)
@@ -42,9 +42,9 @@ template <class S>
 struct LawOptions {
   int states = 20;
   std::uint64_t seed = 1;
-  double range = 1;    ///< [rad, m]
-  double speed = 1;    ///< largest velocity [rad/s, m/s]
-  double effort = 1;   ///< largest input [N, N m]
+  double range = 1;   ///< [rad, m]
+  double speed = 1;   ///< largest velocity [rad/s, m/s]
+  double effort = 1;  ///< largest input [N, N m]
   /// Difference quotients have eight points `step` apart, in units of the time in which the state changes by about 1.
   double step = 2.5e-3;
   /// Of laws that are differenced: ε/step for the roundings is 1e-13, and up to 10³ for sums of unlike terms.
@@ -61,16 +61,9 @@ template <class S>
 class Laws : LawChecks {
 public:
   Laws(const S& part, const LawOptions<S>& options)
-      : LawChecks(S::n_frames, options.step, options.difference_tolerance),
-        options_(options),
-        random_(options.seed),
-        parts_(part, random_),
-        robot_(parts_.robot, S::n_frames),
-        turned_(parts_.elsewhere, S::n_frames),
-        slim_(parts_.slim, 1),
-        fixed_(parts_.slim, 1),
-        root_ws_(robot_.tree),
-        part_(part),
+      : LawChecks(S::n_frames, options.step, options.difference_tolerance), options_(options), random_(options.seed),
+        parts_(part, random_), robot_(parts_.robot, S::n_frames), turned_(parts_.elsewhere, S::n_frames),
+        slim_(parts_.slim, 1), fixed_(parts_.slim, 1), root_ws_(robot_.tree), part_(part),
         node_(robot_.tree.node(number))
   {
     tree_ = &robot_.tree;
@@ -138,7 +131,8 @@ private:
     for (double& x : qd_) { x = random_(-options_.speed, options_.speed); }
     for (double& x : u_) { x = random_(-options_.effort, options_.effort); }
     if (options_.coordinates) {
-      q_.template segment<S::n_q>(node_.q) = options_.coordinates([&](double low, double high) { return random_(low, high); });
+      q_.template segment<S::n_q>(node_.q) =
+          options_.coordinates([&](double low, double high) { return random_(low, high); });
       return;
     }
     Vec from = q_, velocity = Vec::Zero(tree.n_v());

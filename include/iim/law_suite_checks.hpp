@@ -22,9 +22,9 @@ namespace iim {
 /// Worst case of one law over all states.
 struct LawResult {
   std::string law;
-  double error = 0;      ///< largest, relative
+  double error = 0;  ///< largest, relative
   double tolerance = 0;
-  int state = -1;        ///< where
+  int state = -1;                                 ///< where
   bool ok() const { return error <= tolerance; }  // false for NaN
 };
 
@@ -52,7 +52,7 @@ struct LawReport {
 
 namespace detail {
 
-inline constexpr Index law_number = 3;                        ///< of the part in the tree
+inline constexpr Index law_number = 3;                 ///< of the part in the tree
 inline const Eigen::Vector3d law_tip{0.1, 0.2, -0.1};  ///< where wrenches act, in the load's axes
 
 /// Of a type's laws what is the same for all types: compiled once for all that a file tries.
@@ -120,14 +120,17 @@ protected:
       const auto& m = subsystems[k];
       left = std::max(left, (m.F.transpose() * force[k]).norm());
       size = std::max({size, (m.Mbar * Vdot[k]).norm(), force[k].norm(), m.hbar.norm()});
-      if (tree.node(i).inlet >= 0) { force[static_cast<std::size_t>(tree.node(i).parent)] += m.T_ip.transpose() * force[k]; }
+      if (tree.node(i).inlet >= 0) {
+        force[static_cast<std::size_t>(tree.node(i).parent)] += m.T_ip.transpose() * force[k];
+      }
     }
     hold("equations", left / size, 1e-12);  // whatever the condition of M: some 10³ roundings
   }
 
   /// All that differences along q̇(t) = q̇ + q̈ t can say, q̈ that under u.
   /// later: what is seen a time later, and the part's own potential then less that now. ws: with the motion under u.
-  Change check_differences(const std::vector<SubsystemMatrices<double>>& subsystems, const Vec& qdd, const Observation& now,
+  Change check_differences(const std::vector<SubsystemMatrices<double>>& subsystems, const Vec& qdd,
+                           const Observation& now,
                            const std::function<std::pair<Observation, double>(double time)>& later,
                            const WorkspaceData<double, Update::projected>& ws)
   {
@@ -173,8 +176,7 @@ protected:
       v_size = std::max({v_size, now.v[f].norm(), now.omega[f].norm()});
       const Eigen::Vector3d a =
           vdot[f] - omegadot[f].cross(state.r) - now.omega[f].cross(now.omega[f].cross(state.r)) - tree.gravity();
-      a_error = std::max({a_error, (state.Vdot.head<3>() - a).norm(),
-                          (state.Vdot.tail<3>() - omegadot[f]).norm()});
+      a_error = std::max({a_error, (state.Vdot.head<3>() - a).norm(), (state.Vdot.tail<3>() - omegadot[f]).norm()});
       a_size = std::max({a_size, a.norm(), omegadot[f].norm()});
     }
     hold("velocity", v_error / v_size, difference_tolerance_);
@@ -193,14 +195,15 @@ protected:
       const Vector6<double> acceleration = rows * rate + m.T_ip_dot_V_p.head<6>();
       error = std::max({error, (velocity - V[static_cast<std::size_t>(i)]).norm() / v_size,
                         (acceleration - Vdot[static_cast<std::size_t>(i)]).norm() / a_size,
-                        m.T_ip.bottomRows(m.T_ip.rows() - 6).norm(), (m.F - Mat::Identity(m.F.rows(), m.F.rows())
-                                                                               .rightCols(m.F.cols())).norm()});
+                        m.T_ip.bottomRows(m.T_ip.rows() - 6).norm(),
+                        (m.F - Mat::Identity(m.F.rows(), m.F.rows()).rightCols(m.F.cols())).norm()});
     }
     hold("recursion", error, difference_tolerance_);
     return {power, potential_rate};
   }
 
-  /// Power of inputs: of motors as it is, of wrenches at points of the loads in the loads' axes. taken: by internal forces.
+  /// Power of inputs: of motors as it is, of wrenches at points of the loads in the loads' axes. taken: by internal
+  /// forces.
   void check_power(const Change& change, const std::vector<double>& motors, double taken, const Observation& now)
   {
     double expected = 0, size = 1;

@@ -17,7 +17,7 @@ namespace iim {
 namespace detail {
 
 struct Observation {
-  std::vector<Eigen::Vector3d> origin;    // of each frame, world
+  std::vector<Eigen::Vector3d> origin;  // of each frame, world
   std::vector<Eigen::Matrix3d> R;
   std::vector<Eigen::Vector3d> v, omega;  // of each frame's origin
   std::vector<Eigen::Vector3d> coupling;  // point of each subsystem, world

@@ -72,8 +72,8 @@ struct LawRobot {
   }
 };
 
-/// The part on a base of three hinged links, the first of them light, with a hinged load on each of its frames; the same robot turned by Q and
-/// moved, gravity too; and the part between one link and one load.
+/// The part on a base of three hinged links, the first of them light, with a hinged load on each of its frames; the
+/// same robot turned by Q and moved, gravity too; and the part between one link and one load.
 template <class S>
 struct LawParts {
   using Parts = typename LawTrees<S>::Dynamic::Parts;
@@ -94,7 +94,8 @@ struct LawParts {
         link.body.mass *= lightest;
         link.body.inertia *= lightest;
       }
-      Attachment<double> on{k == 0 ? "world" : "base" + std::to_string(k - 1), random.rotation(), random.vector(0.3), 0};
+      Attachment<double> on{k == 0 ? "world" : "base" + std::to_string(k - 1), random.rotation(), random.vector(0.3),
+                            0};
       robot.add(name, on, link);
       if (k == 0) {
         on.R = Q * on.R;

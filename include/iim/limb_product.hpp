@@ -1,5 +1,5 @@
-// The product B̂ = L β where a register holds one number, or one of several states: limb by limb, the path positions of a
-// limb take the inputs on its subtree to the rows of it.
+// The product B̂ = L β where a register holds one number, or one of several states: limb by limb, the path positions of
+// a limb take the inputs on its subtree to the rows of it.
 #pragma once
 
 #include <iim/array.hpp>
@@ -21,11 +21,11 @@ inline constexpr bool is_register = requires(Scalar& x) { x.hold(); };
 
 /// Up to four columns of the product for one limb: all that does not depend on the state.
 struct LimbTile {
-  Index v, gap;           ///< rows from v to gap
-  Index gap_end, v_end;   ///< and these; those between are columns that come before, and B̂ is symmetric there
-  Index begin, end;       ///< path positions: the limb's, as far as one of the columns reaches
-  bool first;             ///< of all that reach these rows: B̂ is assigned
-  int count;              ///< of columns
+  Index v, gap;          ///< rows from v to gap
+  Index gap_end, v_end;  ///< and these; those between are columns that come before, and B̂ is symmetric there
+  Index begin, end;      ///< path positions: the limb's, as far as one of the columns reaches
+  bool first;            ///< of all that reach these rows: B̂ is assigned
+  int count;             ///< of columns
   std::array<Index, 4> row, column;  ///< which of the rows each of β is; where each of B̂ begins
 };
 
@@ -38,8 +38,9 @@ struct LimbFactors {
   Scalar* Bhat;
 };
 
-/// Path positions a … a + depth: β stays in registers while the rows of L pass by. (The sums in registers while L and β pass by:
-/// 40 % more time for the biped's product with g++ and AVX-512; this one runs at 85 to 90 % of the processor's peak.)
+/// Path positions a … a + depth: β stays in registers while the rows of L pass by. (The sums in registers while L and β
+/// pass by: 40 % more time for the biped's product with g++ and AVX-512; this one runs at 85 to 90 % of the processor's
+/// peak.)
 template <int depth, bool assign, int count, class Scalar>
 [[gnu::noinline]] void multiply_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a, Scalar& check)
 {
@@ -80,8 +81,8 @@ template <int depth, bool assign, int count, class Scalar>
 
 /// multiply_chunk<size>, for size ≤ most.
 template <int most, int count, class Scalar>
-[[gnu::always_inline]] inline void choose_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a, Index size,
-                                                Scalar& check)
+[[gnu::always_inline]] inline void choose_chunk(const LimbTile& tile, const LimbFactors<Scalar>& factors, Index a,
+                                                Index size, Scalar& check)
 {
   if (size < most) {
     if constexpr (most > 1) { choose_chunk<most - 1, count>(tile, factors, a, size, check); }
@@ -97,7 +98,7 @@ template <int count, class Scalar>
 void multiply(const LimbTile& tile, const LimbFactors<Scalar>& factors, Scalar& check)
 {
   constexpr int most = is_register<Scalar> ? 6 : 1;  // 24 registers for β of four columns, of 32
-  if (tile.first && tile.end <= tile.begin) {  // inputs on what cannot move
+  if (tile.first && tile.end <= tile.begin) {        // inputs on what cannot move
     for (int j = 0; j < count; ++j) {
       Scalar* const column = factors.Bhat + tile.column[static_cast<std::size_t>(j)];
       std::fill(column + tile.v, column + tile.v_end, Scalar(0));
@@ -124,7 +125,9 @@ public:
       const Index own = tree.velocities(node.index);
       path_end_.resize(at(node.v + own), node.path_v + own);
       const Index limb = limbs.limb_of(node.index);
-      if (limb == static_cast<Index>(subtrees_.size())) { subtrees_.push_back({limbs[limb], node.index, node.subtree_end}); }
+      if (limb == static_cast<Index>(subtrees_.size())) {
+        subtrees_.push_back({limbs[limb], node.index, node.subtree_end});
+      }
       roots_ += node.parent < 0;
     }
     Index most_tiles = 0;
@@ -139,8 +142,8 @@ public:
     tiles_.reserve(at(most_tiles));
   }
 
-  /// For columns that are others than before, each kind sorted along the tree: those that are rows of L, and others. Of a
-  /// subsystem i the first are first_row[i] and first_other[i].
+  /// For columns that are others than before, each kind sorted along the tree: those that are rows of L, and others. Of
+  /// a subsystem i the first are first_row[i] and first_other[i].
   void plan(const Array<BetaColumn>& columns, const Array<Index>& first_row, const Array<Index>& first_other)
   {
     mirrored_ = mirrored_end_ = first_row.back();
@@ -159,8 +162,8 @@ public:
     }
   }
 
-  /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand in;
-  /// zero where they end. Returns true if B̂ is known to be finite.
+  /// B̂ = L β of the columns that were planned for. rows: of L by path position, and after these what else columns stand
+  /// in; zero where they end. Returns true if B̂ is known to be finite.
   template <class Matrix>
   bool operator()(const MatrixX<Scalar>& rows, const Array<BetaColumn>& columns, Matrix& Bhat)
   {
@@ -212,7 +215,7 @@ private:
     Index begin, end;  ///< subsystems
   };
 
-  bool mirrors_;  // whether of symmetric columns half is computed
+  bool mirrors_;                           // whether of symmetric columns half is computed
   Index mirrored_ = 0, mirrored_end_ = 0;  // those: rows of L, of all velocities from first_mirrored_ on
   Index first_mirrored_ = 0;
   Array<Index> path_end_;  // of a row: path positions up to and including its subsystem

@@ -79,7 +79,7 @@ template <class Scalar>
       {"ankle_roll", 0, {0, 0, -0.02}, 0.9, {0.03, 0, -0.04}, {1.2e-3, 3e-3, 3.5e-3}},
       {"toe", 1, {0.13, 0, -0.06}, 0.3, {0.03, 0, -5e-3}, {2e-4, 3e-4, 4e-4}},
   }};
-  const auto vector = [](const double (&x)[3], double side) {
+  const auto vector = [](const double(&x)[3], double side) {
     return Vector3<Scalar>(Scalar(x[0]), Scalar(side * x[1]), Scalar(x[2]));
   };
 
@@ -124,8 +124,8 @@ template <class Scalar>
 }
 
 /// Names of the biped's contact points, left foot first.
-inline constexpr std::array<const char*, 8> biped_contacts{
-    "left_heel_outer",  "left_heel_inner",  "left_toe_outer",  "left_toe_inner",
-    "right_heel_outer", "right_heel_inner", "right_toe_outer", "right_toe_inner"};
+inline constexpr std::array<const char*, 8> biped_contacts{"left_heel_outer", "left_heel_inner",  "left_toe_outer",
+                                                           "left_toe_inner",  "right_heel_outer", "right_heel_inner",
+                                                           "right_toe_outer", "right_toe_inner"};
 
 }  // namespace iim::models

@@ -15,23 +15,23 @@
 
 namespace iim {
 
-/// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the subsystem
-/// that moves the frame.
+/// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the
+/// subsystem that moves the frame.
 template <class Scalar>
 struct FrameState {
-  Matrix3<Scalar> R;            ///< frame to world
-  Vector3<Scalar> r;            ///< frame origin from the coupling point [m]
-  Vector3<Scalar> omega;        ///< angular velocity [rad/s]
-  Vector6<Scalar> bias;         ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
-  bool offset = false;          ///< whether the frame's bodies are about another point than the coupling point
-  bool arrived = false;         ///< on the way inward: whether anything has come to A, h and size
-  bool loses = false;           ///< whether loss is, and large against A
-  SpatialInertia<Scalar> A;     ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries); before the
-                                ///< frame's own step inward, of what hangs on it
-  Vector6<Scalar> h;            ///< bias wrench of the same
+  Matrix3<Scalar> R;         ///< frame to world
+  Vector3<Scalar> r;         ///< frame origin from the coupling point [m]
+  Vector3<Scalar> omega;     ///< angular velocity [rad/s]
+  Vector6<Scalar> bias;      ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
+  bool offset = false;       ///< whether the frame's bodies are about another point than the coupling point
+  bool arrived = false;      ///< on the way inward: whether anything has come to A, h and size
+  bool loses = false;        ///< whether loss is, and large against A
+  SpatialInertia<Scalar> A;  ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries);
+                             ///< before the frame's own step inward, of what hangs on it
+  Vector6<Scalar> h;         ///< bias wrench of the same
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
   detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
-  Vector6<Scalar> Vdot;         ///< acceleration
+  Vector6<Scalar> Vdot;             ///< acceleration
 
   /// The point that the frame's bodies are about, from the coupling point.
   Vector3<Scalar> bodies_at() const { return offset ? r : Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)); }
@@ -47,8 +47,8 @@ struct SpringInertia {
 
 namespace detail {
 
-/// What the steps of accelerations and of B̂ know of a type of subsystem. Those of one shape, as of a link and of a motor-arm, are
-/// compiled once.
+/// What the steps of accelerations and of B̂ know of a type of subsystem. Those of one shape, as of a link and of a
+/// motor-arm, are compiled once.
 template <class Scalar_, int n_i_, int n_frames_, MotionPattern pattern_, bool is_free_, bool keeps_v_>
 struct Shape {
   using Scalar = Scalar_;
@@ -72,8 +72,8 @@ inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, kee
 template <class S, class Workspace>
 inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
 
-/// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D. Of a free one, where D is all of
-/// M̄*, Sᵀ A S, nothing needs U and D: they stay as they are.
+/// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D. Of a free one, where D
+/// is all of M̄*, Sᵀ A S, nothing needs U and D: they stay as they are.
 template <class Shape>
 struct NodeMemory {
   using Scalar = typename Shape::Scalar;
@@ -81,15 +81,15 @@ struct NodeMemory {
 
   std::array<Eigen::Matrix<Scalar, 6, n_i>, Shape::n_frames> S_k;  ///< twist of frame k per q̇_i, at the coupling point
   Matrix3<Scalar> R;                                               ///< inlet to world
-  Vector3<Scalar> r;                                 ///< coupling point from the parent's coupling point, r_pi [m]
-  Vector3<Scalar> c;                                 ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
-  Eigen::Matrix<Scalar, 6, n_i> U;                   ///< guidance–q̇ block of M̄*
-  Eigen::Matrix<Scalar, n_i, n_i> MbarR;             ///< D = M̄_R (17)
-  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;    ///< C with M̄_R⁻¹ = C Cᵀ
-  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;         ///< M̄_R⁻¹
-  Eigen::Matrix<Scalar, n_i, 6> W;                   ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0); of a free one S⁻¹
-  Eigen::Matrix<Scalar, n_i, 1> qd;                  ///< q̇_i, kept for rotors
-  Eigen::Matrix<Scalar, n_i, 1> psi;                 ///< M̄_R⁻¹ (F_iᵀ h̄*)
+  Vector3<Scalar> r;                               ///< coupling point from the parent's coupling point, r_pi [m]
+  Vector3<Scalar> c;                               ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
+  Eigen::Matrix<Scalar, 6, n_i> U;                 ///< guidance–q̇ block of M̄*
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR;           ///< D = M̄_R (17)
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;  ///< C with M̄_R⁻¹ = C Cᵀ
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;       ///< M̄_R⁻¹
+  Eigen::Matrix<Scalar, n_i, 6> W;                 ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0); of a free one S⁻¹
+  Eigen::Matrix<Scalar, n_i, 1> qd;                ///< q̇_i, kept for rotors
+  Eigen::Matrix<Scalar, n_i, 1> psi;               ///< M̄_R⁻¹ (F_iᵀ h̄*)
 };
 
 }  // namespace detail
@@ -97,9 +97,10 @@ struct NodeMemory {
 /// What one subsystem keeps.
 template <class S>
 struct NodeState : detail::NodeMemory<detail::ShapeOf<S>> {
-  [[no_unique_address]] std::conditional_t<detail::has_own_twist<S>(), detail::OwnColumn<typename S::Scalar>, detail::NoColumn>
-      own;  ///< of the frame's own bodies
-  [[no_unique_address]] std::array<SpringInertia<typename S::Scalar, S::n_i>, static_cast<std::size_t>(detail::spring_count<S>())>
+  [[no_unique_address]] std::conditional_t<detail::has_own_twist<S>(), detail::OwnColumn<typename S::Scalar>,
+                                           detail::NoColumn> own;  ///< of the frame's own bodies
+  [[no_unique_address]] std::array<SpringInertia<typename S::Scalar, S::n_i>,
+                                   static_cast<std::size_t>(detail::spring_count<S>())>
       springs;  ///< of an implicit step
 };
 

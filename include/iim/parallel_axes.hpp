@@ -1,18 +1,20 @@
 // Chains that turn about one direction, oblique to the world's axes: their inertias are kept in axes of their own.
 //
-// Across its plane a chain of n links is one rigid body, whose inertia grows like n³; in the plane its joints take all but a
-// link's from it. In axes of which one is the joints' both stand in entries of their own. In other axes each entry has a
-// share of both, and the roundings of the large one are what is left of the small one: 100 links lose three digits.
+// Across its plane a chain of n links is one rigid body, whose inertia grows like n³; in the plane its joints take all
+// but a link's from it. In axes of which one is the joints' both stand in entries of their own. In other axes each
+// entry has a share of both, and the roundings of the large one are what is left of the small one: 100 links lose three
+// digits.
 //
-// So joints that hang on one another and are parallel, whatever q, form a group. Where its direction is not a coordinate
-// axis of the world at the state, A and h of the group's frames (FrameState) are in the group's axes, all else of it turns
-// there and back around its step inward, and what it hands on to another group or to the world turns once.
+// So joints that hang on one another and are parallel, whatever q, form a group. Where its direction is not a
+// coordinate axis of the world at the state, A and h of the group's frames (FrameState) are in the group's axes, all
+// else of it turns there and back around its step inward, and what it hands on to another group or to the world turns
+// once.
 //
-// The same in small is a link that is thin about its joint's axis, between joints that turn about others: in any axes but the
-// joint's, the thin moment is a difference of large entries. One such joint loses little; many in a row do, the more the longer
-// the limb. There each joint has axes of its own (thinness). (Bars a third as wide as long, joints at random, 100 of them: over
-// 16 ε of B̂ for 3 of 20 states, worst 31 ε; in the world's axes for all, 305 ε. A tenth as wide, x, y, z in turn, 31 of them:
-// for 8, 28 ε; in the world's for 17, 948 ε.)
+// The same in small is a link that is thin about its joint's axis, between joints that turn about others: in any axes
+// but the joint's, the thin moment is a difference of large entries. One such joint loses little; many in a row do, the
+// more the longer the limb. There each joint has axes of its own (thinness). (Bars a third as wide as long, joints at
+// random, 100 of them: over 16 ε of B̂ for 3 of 20 states, worst 31 ε; in the world's axes for all, 305 ε. A tenth as
+// wide, x, y, z in turn, 31 of them: for 8, 28 ε; in the world's for 17, 948 ε.)
 #pragma once
 
 #include <iim/array.hpp>
@@ -31,12 +33,12 @@ namespace iim::detail {
 /// Joints of one direction, in the axes of the frame that each moves.
 template <class Scalar>
 struct ParallelGroup {
-  Vector3<Scalar> axis;        ///< of the first joint, in its frame's axes
-  Matrix3<Scalar> own;         ///< the group's axes in these
-  Matrix3<Scalar> R = own;     ///< the group's axes in the world's
-  bool turned = false;         ///< whether they are used at the state; else the world's
-  Index frame;                 ///< that the first joint moves
-  Index limb;                  ///< the subsystem that its limb begins with
+  Vector3<Scalar> axis;     ///< of the first joint, in its frame's axes
+  Matrix3<Scalar> own;      ///< the group's axes in these
+  Matrix3<Scalar> R = own;  ///< the group's axes in the world's
+  bool turned = false;      ///< whether they are used at the state; else the world's
+  Index frame;              ///< that the first joint moves
+  Index limb;               ///< the subsystem that its limb begins with
   int joints = 0;
 };
 
@@ -44,15 +46,24 @@ struct ParallelGroup {
 template <class Scalar>
 struct Columns {
   Triple<Scalar> e0, e1, e2;
-  [[gnu::always_inline]] explicit Columns(const Matrix3<Scalar>& R) : e0(column(R, 0)), e1(column(R, 1)), e2(column(R, 2)) {}
-  [[gnu::always_inline]] Triple<Scalar> operator*(const Triple<Scalar>& x) const { return e0 * x(0) + e1 * x(1) + e2 * x(2); }
+  [[gnu::always_inline]] explicit Columns(const Matrix3<Scalar>& R)
+      : e0(column(R, 0)), e1(column(R, 1)), e2(column(R, 2))
+  {
+  }
+  [[gnu::always_inline]] Triple<Scalar> operator*(const Triple<Scalar>& x) const
+  {
+    return e0 * x(0) + e1 * x(1) + e2 * x(2);
+  }
 };
 
 /// Rᵀ.
 template <class Scalar>
 struct TransposedRotation {
   std::array<Triple<Scalar>, 3> e;
-  [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R) : e{column(R, 0), column(R, 1), column(R, 2)} {}
+  [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R)
+      : e{column(R, 0), column(R, 1), column(R, 2)}
+  {
+  }
   [[gnu::always_inline]] Triple<Scalar> operator*(const Triple<Scalar>& x) const
   {
     return {dot(e[0], x), dot(e[1], x), dot(e[2], x)};
@@ -121,8 +132,8 @@ constexpr bool shares_axes()
   return S::n_frames == 1 && S::n_i <= 1 && (turns_about_axis<S>() || !S::pattern.angular);
 }
 
-/// By how much the largest moment of a joint's own body is larger than what turns about the joint's axis, rotors included; 0
-/// unless it is enough to lose digits by.
+/// By how much the largest moment of a joint's own body is larger than what turns about the joint's axis, rotors
+/// included; 0 unless it is enough to lose digits by.
 template <class S, class Scalar>
 [[gnu::cold]] Scalar thinness(const S& s, const FrameMass<Scalar>& body)
 {
@@ -143,11 +154,11 @@ public:
   using Group = ParallelGroup<Scalar>;
   /// Fewer joints lose no more than two bits (5 links: 14 ε of B̂; 7: 30), which turning would cost a third of the pass.
   static constexpr int fewest_joints = 6;
-  /// Of the sum of thinness along a limb but for its first joint, whose roundings no other joint has, times the square of its
-  /// velocities and its free base's. What is above takes axes of its own, and 50 ns more for each joint. (With weak pivots mended
-  /// (weak_pivot.hpp) robots below it lose nothing in the world's axes: of 59 public ones, each fixed and free, B̂ is off by at
-  /// most 16.7 ε, in 100 states each; up to 3e4 and 5e4 by 34 and 54 ε. 15 bars a third as wide as long, axes x, y, z in turn: 5e4,
-  /// 69 ε in the world's axes.)
+  /// Of the sum of thinness along a limb but for its first joint, whose roundings no other joint has, times the square
+  /// of its velocities and its free base's. What is above takes axes of its own, and 50 ns more for each joint. (With
+  /// weak pivots mended (weak_pivot.hpp) robots below it lose nothing in the world's axes: of 59 public ones, each
+  /// fixed and free, B̂ is off by at most 16.7 ε, in 100 states each; up to 3e4 and 5e4 by 34 and 54 ε. 15 bars a third
+  /// as wide as long, axes x, y, z in turn: 5e4, 69 ε in the world's axes.)
   static constexpr int most_thinness = 20000;
 
   ParallelAxes() = default;
@@ -171,9 +182,7 @@ public:
         Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
         if (of_inlet >= 0) {
           const Vector3<Scalar>& there = axis[static_cast<std::size_t>(node.inlet)];
-          for (int i = 0; i < 3; ++i) {
-            inherited(i) = dot(column(tree.placement(node.index).R, i), triple(there));
-          }
+          for (int i = 0; i < 3; ++i) { inherited(i) = dot(column(tree.placement(node.index).R, i), triple(there)); }
         }
         if constexpr (turns_about_axis<S>()) {
           const Vector6<Scalar> twist = s.own_twist();
@@ -238,7 +247,7 @@ private:
   struct Limb {
     Index first = -1;
     Scalar velocities = Scalar(0), thinness = Scalar(0);  ///< of the joints, those of the base included
-    bool thin = false;  ///< of the first: whether some joint of the limb loses digits
+    bool thin = false;                                    ///< of the first: whether some joint of the limb loses digits
   };
   using Limbs = Array<Limb>;
 
@@ -265,7 +274,8 @@ private:
     Matrix3<Scalar> axes, V_squared;
     multiply(V, V, V_squared);
     for (int k = 0; k < 9; ++k) {
-      axes.data()[k] = Scalar(k % 4 == 0 ? 1 : 0) + V.data()[k] + V_squared.data()[k] * (Scalar(1) / (Scalar(1) + a(m)));
+      axes.data()[k] =
+          Scalar(k % 4 == 0 ? 1 : 0) + V.data()[k] + V_squared.data()[k] * (Scalar(1) / (Scalar(1) + a(m)));
     }
     return axes;
   }
@@ -279,7 +289,9 @@ private:
       if constexpr (is_free<S>()) {
         for (Index i = node.index + 1; i < node.subtree_end; i = tree.node(i).subtree_end) {
           const Index other = group_[at(tree.node(i).frame)], own = group_[at(node.frame)];
-          if (other >= 0 && (own < 0 || groups_[at(own)].joints < groups_[at(other)].joints)) { group_[at(node.frame)] = other; }
+          if (other >= 0 && (own < 0 || groups_[at(own)].joints < groups_[at(other)].joints)) {
+            group_[at(node.frame)] = other;
+          }
         }
       }
     });

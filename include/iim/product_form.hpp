@@ -33,15 +33,15 @@
 
 namespace iim::detail {
 
-/// Of the product all that depends on Scalar alone, and the step of a single subsystem. Workspace: its part that depends on
-/// Scalar and update alone.
+/// Of the product all that depends on Scalar alone, and the step of a single subsystem. Workspace: its part that
+/// depends on Scalar and update alone.
 template <class Scalar>
 class ProductSteps : ProductPlan<Scalar> {
   using Plan = ProductPlan<Scalar>;
-  using typename Plan::Projection, typename Plan::Scaled, typename Plan::Step;
   using Plan::at, Plan::components, Plan::lanes, Plan::row;
-  using Plan::columns_, Plan::depth_, Plan::first_beta_, Plan::H_of_frame_, Plan::inputs_, Plan::projections_, Plan::rows_,
-      Plan::scaled_, Plan::steps_, Plan::tree_;
+  using Plan::columns_, Plan::depth_, Plan::first_beta_, Plan::H_of_frame_, Plan::inputs_, Plan::projections_,
+      Plan::rows_, Plan::scaled_, Plan::steps_, Plan::tree_;
+  using typename Plan::Projection, typename Plan::Scaled, typename Plan::Step;
   using Product = std::conditional_t<(lane_count<Scalar> > 1), BundleProduct<Scalar>, LimbProduct<Scalar>>;
 
 protected:
@@ -58,9 +58,9 @@ protected:
 
   Scalar* H(Index frame) { return H_.data() + H_of_frame_[at(frame)]; }
 
-  /// Step 2 at one subsystem: L and H; β = Hᵀ w or Lᵀ B̄ for the inputs that act on it. A function of its own: where g++ inlines
-  /// it into a long one, which depends on the program around, its rows do not stay in registers (all of a biped 18 %, of a
-  /// chain of 100 65 % more).
+  /// Step 2 at one subsystem: L and H; β = Hᵀ w or Lᵀ B̄ for the inputs that act on it. A function of its own: where g++
+  /// inlines it into a long one, which depends on the program around, its rows do not stay in registers (all of a biped
+  /// 18 %, of a chain of 100 65 % more).
   template <class S, class Workspace>
   [[gnu::noinline]] void outward(const Node& node, const NodeMemory<S>& state, const Workspace& ws)
   {
@@ -123,10 +123,11 @@ protected:
     project_point(ws, input, beta, depth);
   }
 
-  /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's `own`
-  /// ones: y = 0, L_i = C. The last lanes after these are zero, and therefore so in all that follows from them.
+  /// Columns 0 … needed of L and H, y = X(r) H_inlet, L_i = −W y, H_k = y + S_k L_i, and after them the subsystem's
+  /// `own` ones: y = 0, L_i = C. The last lanes after these are zero, and therefore so in all that follows from them.
   template <class S, class Workspace>
-  [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeMemory<S>& state, const Step& step)
+  [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeMemory<S>& state,
+                                        const Step& step)
   {
     constexpr int n_i = S::n_i;
     constexpr bool apart = one_column<S, Workspace>;
@@ -190,7 +191,8 @@ protected:
         for (int c = 0; c < 6; ++c) {
           Lanes h = y[at(c)];
           if (!apart && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
-            for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) { h += state.S_k[at(k)](c, d) * moves[at(d)]; });
+            for_each_velocity<n_i, Scalar>(
+                [&](int d) __attribute__((always_inline)) { h += state.S_k[at(k)](c, d) * moves[at(d)]; });
           }
           store(frames[at(k)] + components * a + c * lanes, h);
         }
@@ -311,14 +313,15 @@ public:
 
   [[gnu::cold]] ProductForm(const Tree& tree, const Inputs<Tree>& inputs) : ProductSteps<Scalar>(tree, inputs) {}
 
-  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(), `column_stride` apart. The workspace holds
-  /// the O(n) pass. Returns true if B̂ is known to be finite.
+  /// Steps 2 and 3 of Algorithm 1: all active columns, n_v × inputs.columns(), `column_stride` apart. The workspace
+  /// holds the O(n) pass. Returns true if B̂ is known to be finite.
   template <class Workspace, class Matrix>
   bool operator()(const Workspace& ws, Matrix& Bhat)
   {
     const typename Workspace::Data& data = ws;
     return this->compute(data, Bhat, [&] {
-      ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
+      ws.tree().outward(
+          [&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
     });
   }
 

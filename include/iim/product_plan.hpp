@@ -1,5 +1,5 @@
-// What of the product form (product_form.hpp) depends on which inputs are active: the columns of β and where they stand, the
-// columns of L and H that are computed.
+// What of the product form (product_form.hpp) depends on which inputs are active: the columns of β and where they
+// stand, the columns of L and H that are computed.
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
@@ -19,9 +19,10 @@ class ProductPlan {
 protected:
   /// least_rows: of L, zeros after its last.
   [[gnu::cold]] ProductPlan(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs, Index least_rows)
-      : tree_(&tree), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())), first_beta_(std::max(tree.n_v(), least_rows)),
-        rows_(depth_, first_beta_ + inputs.max_columns()), steps_(at(tree.size())), row_end_(at(tree.n_v()), 0),
-        first_row_(at(tree.size()) + 1, 0), first_other_(first_row_)
+      : tree_(&tree), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
+        first_beta_(std::max(tree.n_v(), least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
+        steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_row_(at(tree.size()) + 1, 0),
+        first_other_(first_row_)
   {
     rows_.setZero();
     const FrameBuffers buffers(tree);
@@ -42,8 +43,10 @@ protected:
     Index needed = 0;    ///< path positions of ancestors that an input reaches
     Index own = 0;       ///< and how many of its own
     Index own_from = 0;  ///< where the lanes begin that these stand in
-    bool hands_on = false;  ///< whether H of its frames is read: by children, or for forces (3 % of a tree of 63 after the pass)
-    Index L = 0, inlet = 0, frame = 0;  ///< places of its rows of L, of H of inlet and first frame (4 % of instructions)
+    /// Whether H of its frames is read: by children, or for forces (3 % of a tree of 63 after the pass).
+    bool hands_on = false;
+    /// Places of its rows of L, of H of inlet and first frame (4 % of instructions).
+    Index L = 0, inlet = 0, frame = 0;
     std::size_t projections = 0, projections_end = 0;  ///< inputs on it whose β is not a row of L
   };
   struct Projection {
@@ -56,8 +59,8 @@ protected:
     Index bbar;  ///< place in Workspace::Bbar
   };
 
-  /// Once, and when other inputs are active than before. At each state, with what the product does likewise, it took 27 % of
-  /// what comes after the O(n) pass for a tree of 63 links, 23 % for the biped.
+  /// Once, and when other inputs are active than before. At each state, with what the product does likewise, it took 27
+  /// % of what comes after the O(n) pass for a tree of 63 links, 23 % for the biped.
   template <class Product>
   void plan(Product& product)
   {
@@ -99,8 +102,9 @@ protected:
     return input.kind == InputKind::motor && tree_->velocities(input.subsystem) == 1;
   }
 
-  /// Whether columns that are rows of L make no more bundles if they come first, where some are bundles of rows as they are: what
-  /// comes after the O(n) pass takes 9 % less for the biped with 14 and 26 inputs, 12 % for quadrupeds of 12 motors.
+  /// Whether columns that are rows of L make no more bundles if they come first, where some are bundles of rows as they
+  /// are: what comes after the O(n) pass takes 9 % less for the biped with 14 and 26 inputs, 12 % for quadrupeds of 12
+  /// motors.
   bool rows_stand_apart() const
   {
     Index rows = 0, others = 0;
@@ -108,7 +112,8 @@ protected:
     return padded<Scalar>(rows) + padded<Scalar>(others) <= padded<Scalar>(rows + others);
   }
 
-  /// Columns that are rows of L, or others, or both, sorted along the tree. first_column: of a subsystem, where those on it begin.
+  /// Columns that are rows of L, or others, or both, sorted along the tree. first_column: of a subsystem, where those
+  /// on it begin.
   [[gnu::noinline]] void list_columns(bool rows, bool others, Array<Index>& first_column)
   {
     const Index stride = column_stride<Scalar>(tree_->n_v());
@@ -144,9 +149,10 @@ protected:
 
   const TreeData<Scalar>* tree_;
   SortedInputs<Scalar> inputs_;
-  Index depth_;           // padded length of the longest path
-  Index first_beta_;      // row
-  MatrixX<Scalar> rows_;  // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β
+  Index depth_;       // padded length of the longest path
+  Index first_beta_;  // row
+  // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β.
+  MatrixX<Scalar> rows_;
   Index H_size_;
   Array<Index> H_of_frame_;  // where in H each begins
   Array<Step> steps_;

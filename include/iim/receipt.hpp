@@ -15,9 +15,9 @@ template <Scene scene, class Workspace>
 class ForwardPass;
 }
 
-/// Receipt of the O(n) pass of one state, u = 0, that the workspace holds: of `forward_dynamics`, `implicit_step`, or a method that
-/// begins with the pass. Nothing else makes one. Refers to the tree and the workspace; good until the workspace's next use, and told
-/// by the methods from one that is not.
+/// Receipt of the O(n) pass of one state, u = 0, that the workspace holds: of `forward_dynamics`, `implicit_step`, or a
+/// method that begins with the pass. Nothing else makes one. Refers to the tree and the workspace; good until the
+/// workspace's next use, and told by the methods from one that is not.
 template <class WorkspaceType>
 class ForwardDynamics {
 public:
@@ -58,7 +58,8 @@ public:
 
 private:
   ForwardDynamics(const Workspace& workspace, Scene scene, const Scalar& step, Status status, Index subsystem)
-      : workspace_(&workspace), use_(workspace.uses()), scene_(scene), step_(step), status_(status), subsystem_(subsystem)
+      : workspace_(&workspace), use_(workspace.uses()), scene_(scene), step_(step), status_(status),
+        subsystem_(subsystem)
   {
   }
   template <Scene scene, class W>

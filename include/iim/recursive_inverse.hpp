@@ -36,10 +36,11 @@ public:
   using Scalar = typename Tree::Scalar;
 
   RecursiveInverse(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), limbs_(tree), B_(tree, inputs),
-        stride_(detail::padded<Scalar>(tree.n_v()) + lanes), p_(Six::Zero(stride_, 6)), of_frame_(tree),
-        Vdot_(static_cast<std::size_t>(of_frame_.count()), Six::Zero(stride_, 6)), root_end_(static_cast<std::size_t>(tree.size())),
-        Minv_(stride_, tree.n_v()), result_(tree.n_v(), inputs.max_columns_on(tree))
+      : tree_(&tree), limbs_(tree), B_(tree, inputs), stride_(detail::padded<Scalar>(tree.n_v()) + lanes),
+        p_(Six::Zero(stride_, 6)), of_frame_(tree),
+        Vdot_(static_cast<std::size_t>(of_frame_.count()), Six::Zero(stride_, 6)),
+        root_end_(static_cast<std::size_t>(tree.size())), Minv_(stride_, tree.n_v()),
+        result_(tree.n_v(), inputs.max_columns_on(tree))
   {
     Minv_.setZero();
     for (const Node& node : tree.nodes()) {
@@ -282,9 +283,7 @@ private:
           for (int k = 0; k < count; ++k) { sum[at(k)] += M * entries[k * B_.stride() + a + i]; }
         }
       });
-      for (int k = 0; k < count; ++k) {
-        detail::store(&Bhat(v, B_.column(j + k).bhat), sum[at(k)], root.v_end - v);
-      }
+      for (int k = 0; k < count; ++k) { detail::store(&Bhat(v, B_.column(j + k).bhat), sum[at(k)], root.v_end - v); }
     }
   }
 
@@ -299,7 +298,7 @@ private:
   detail::FrameBuffers of_frame_;
   detail::Array<Six> Vdot_;
   detail::Array<Index> root_end_;  // of a subsystem: first velocity after its root tree
-  MatrixX<Scalar> Minv_;         // column i: row i of M⁻¹, which is symmetric
+  MatrixX<Scalar> Minv_;           // column i: row i of M⁻¹, which is symmetric
   detail::ResultMemory<Scalar> result_;
 };
 

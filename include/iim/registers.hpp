@@ -7,8 +7,8 @@
 
 namespace iim::detail {
 
-/// f(0), …, f(n − 1), each with its index as a constant. g++ unrolls an outer loop only after it has looked for arrays that
-/// could live in registers: what such a loop indexes stays in memory. In `f`: __attribute__((always_inline)).
+/// f(0), …, f(n − 1), each with its index as a constant. g++ unrolls an outer loop only after it has looked for arrays
+/// that could live in registers: what such a loop indexes stays in memory. In `f`: __attribute__((always_inline)).
 template <int n, class F>
 [[gnu::always_inline]] inline void unrolled(F&& f)
 {
@@ -17,8 +17,8 @@ template <int n, class F>
   }(std::make_integer_sequence<int, n>{});
 }
 
-/// f(0), …, f(n − 1), for velocities of a subsystem: six in a loop, which runs as fast and is less to compile (15 kB of a
-/// controller), but for lanes (3 % of several states).
+/// f(0), …, f(n − 1), for velocities of a subsystem: six in a loop, which runs as fast and is less to compile (15 kB of
+/// a controller), but for lanes (3 % of several states).
 template <int n, class Scalar, class F>
 [[gnu::always_inline]] inline void for_each_velocity(F&& f)
 {
@@ -30,8 +30,8 @@ template <int n, class Scalar, class F>
   }
 }
 
-/// f() as a function of its own with all that it calls inlined, for built-in numbers: g++ stops inlining operations on rows
-/// in functions of a certain size. Of multiprecision numbers such a function would take the compiler minutes.
+/// f() as a function of its own with all that it calls inlined, for built-in numbers: g++ stops inlining operations on
+/// rows in functions of a certain size. Of multiprecision numbers such a function would take the compiler minutes.
 template <class F>
 [[gnu::noinline, gnu::flatten]] auto flattened(F&& f)
 {
@@ -47,7 +47,8 @@ template <class Scalar, class F>
   }
 }
 
-/// Lanes that several products use: g++ would read them from memory again for each (measured: 30 % of the product for B̂).
+/// Lanes that several products use: g++ would read them from memory again for each (measured: 30 % of the product for
+/// B̂).
 template <class T>
 [[gnu::always_inline]] inline void hold(T& x)
 {

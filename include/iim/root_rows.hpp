@@ -1,8 +1,8 @@
 // Rows [N | z | v] of the square-root form (square_root.hpp), and their reduction by an orthogonal Q: Householder's
-// reflections, each about the row that is largest in the column it takes, columns pivoted. They are kept column by column, so
-// that an instruction works on as many rows as a register holds. (With one row in a register or two, and rows kept for all
-// frames at once, the pass of the biped of ideal motors took 16 % longer in double and 26 % in float with AVX-512, 3 and 13 %
-// with AVX2, 41 and 17 % with SSE2.)
+// reflections, each about the row that is largest in the column it takes, columns pivoted. They are kept column by
+// column, so that an instruction works on as many rows as a register holds. (With one row in a register or two, and
+// rows kept for all frames at once, the pass of the biped of ideal motors took 16 % longer in double and 26 % in float
+// with AVX-512, 3 and 13 % with AVX2, 41 and 17 % with SSE2.)
 #pragma once
 
 #include <iim/registers.hpp>
@@ -51,7 +51,8 @@ struct RootRows {
   static constexpr int most = (most_ + lanes - 1) / lanes * lanes;
   static constexpr std::size_t alignment = lanes > 1 ? sizeof(Part) : alignof(Scalar);
 
-  alignas(alignment) std::array<std::array<Scalar, static_cast<std::size_t>(most)>, static_cast<std::size_t>(columns)> column;
+  alignas(alignment)
+      std::array<std::array<Scalar, static_cast<std::size_t>(most)>, static_cast<std::size_t>(columns)> column;
   Index count = 0;
 
   Index end() const { return (count + lanes - 1) & -Index(lanes); }  ///< of the last register
@@ -103,8 +104,8 @@ RootRow<Scalar> size_of_columns(const RootRows<Scalar, most>& rows)
   return size;
 }
 
-/// The row in which a column is largest. In a register each number's size and row are one number, the row in the last bits, so
-/// that no two are alike.
+/// The row in which a column is largest. In a register each number's size and row are one number, the row in the last
+/// bits, so that no two are alike.
 template <class Scalar, int most>
 class LargestRow {
   static constexpr int lanes = rows_abreast<Scalar>;
@@ -167,7 +168,8 @@ struct Reflection {
   int x = 0;
   Eigen::Index pivot = 0;
   alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> top;  ///< row `pivot` after it: Xᵀx/α
-  alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> w;    ///< what x(r) times is taken from the other rows
+  alignas(
+      RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> w;  ///< what x(r) times is taken from the other rows
 
   RootRow<Scalar> row() const { return Eigen::Map<const RootRow<Scalar>>(top.data()); }
 };
@@ -191,11 +193,12 @@ struct ColumnSums {
   }
 };
 
-/// The reflection of column x whose sums these are. False if the column is zero. `out`: tape's place for the pivot's row. `take`:
-/// that row is zero then.
+/// The reflection of column x whose sums these are. False if the column is zero. `out`: tape's place for the pivot's
+/// row. `take`: that row is zero then.
 template <bool take, class Scalar, int most, int columns, class Rows>
 [[gnu::always_inline]] inline bool conclude(const ColumnSums<Scalar, most, columns>& sums, Rows& rows, int x,
-                                            Reflection<Scalar, columns>& reflection, RowTape<Scalar>* tape, Eigen::Index out)
+                                            Reflection<Scalar, columns>& reflection, RowTape<Scalar>* tape,
+                                            Eigen::Index out)
 {
   using std::sqrt;
   constexpr std::size_t padded = Reflection<Scalar, columns>::padded;
@@ -207,12 +210,13 @@ template <bool take, class Scalar, int most, int columns, class Rows>
   const Scalar top = *rows.at(x, pivot), norm = sqrt(square);
   const Scalar alpha = top > Scalar(0) ? Scalar(-norm) : norm;
   const Scalar factor = Scalar(-1) / (alpha * (top - alpha)), inverse = Scalar(1) / alpha;
-  // w = (s − row α) factor; s/α = row − w top, without its cancellation. The row goes from memory to registers number by number:
-  // put into an array first, its load would wait until all of them have left the core.
+  // w = (s − row α) factor; s/α = row − w top, without its cancellation. The row goes from memory to registers number
+  // by number: put into an array first, its load would wait until all of them have left the core.
   constexpr int side = register_lanes<Scalar>;
   using Side = typename PartOf<Scalar, side>::Type;
   if (tape != nullptr) [[unlikely]] {
-    tape->reflect(rows.count, pivot, out, [&](Eigen::Index r) -> const Scalar& { return *rows.at(x, r); }, alpha, factor);
+    tape->reflect(
+        rows.count, pivot, out, [&](Eigen::Index r) -> const Scalar& { return *rows.at(x, r); }, alpha, factor);
   }
   unrolled<static_cast<int>(padded) / side>([&](auto part) __attribute__((always_inline)) {
     constexpr int begin = part * side;
@@ -264,14 +268,15 @@ template <class Scalar, int most, int columns>
 {
   std::array<RowsPart<Scalar>, static_cast<std::size_t>(columns)> n;
   const RowsPart<Scalar> part = rows_at(rows.at(reflection.x, r));
-  unrolled<columns>([&](auto c) __attribute__((always_inline)) { n[c] = rows_at(rows.at(c, r)) - part * reflection.w[c]; });
+  unrolled<columns>([&](auto c)
+                        __attribute__((always_inline)) { n[c] = rows_at(rows.at(c, r)) - part * reflection.w[c]; });
   return n;
 }
 
 /// All rows after a reflection, whose column is zero then. then(n, r): what else is done with them.
 template <class Scalar, int most, int columns, class Then>
-[[gnu::always_inline]] inline void reflect(RootRows<Scalar, most, columns>& rows, const Reflection<Scalar, columns>& reflection,
-                                           Then&& then)
+[[gnu::always_inline]] inline void reflect(RootRows<Scalar, most, columns>& rows,
+                                           const Reflection<Scalar, columns>& reflection, Then&& then)
 {
 #pragma GCC unroll 1
   for (Eigen::Index r = 0; r < rows.count; r += rows.lanes) {
@@ -324,8 +329,8 @@ template <class Scalar>
 
 /// Two rows by a rotation that takes v of the second to zero: rows of any two sizes, v = 0 in both left out.
 template <class Scalar>
-[[gnu::always_inline]] inline void rotate_along(SingleRow<Scalar>& above, SingleRow<Scalar>& below, RowTape<Scalar>* tape,
-                                                Eigen::Index at, Eigen::Index other)
+[[gnu::always_inline]] inline void rotate_along(SingleRow<Scalar>& above, SingleRow<Scalar>& below,
+                                                RowTape<Scalar>* tape, Eigen::Index at, Eigen::Index other)
 {
   using std::sqrt;
   const Scalar square = above.v * above.v + below.v * below.v;
@@ -342,15 +347,16 @@ template <class Scalar>
   if (tape != nullptr) [[unlikely]] { tape->rotate(at, other, cosine, sine); }
 }
 
-/// Takes the rows to at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns. Row k of the result is zero in
-/// the columns pivot[0] … pivot[k − 1]. Returns how many rows. On the tape they are from `out` on.
+/// Takes the rows to at most `rank` ≤ steps with the same NᵀN and Nᵀz: QR with pivoted columns. Row k of the result is
+/// zero in the columns pivot[0] … pivot[k − 1]. Returns how many rows. On the tape they are from `out` on.
 template <int steps, class Scalar, int most>
 int compress(RootRows<Scalar, most>& rows, std::array<RootRow<Scalar>, static_cast<std::size_t>(steps)>& result,
              std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank = steps, RowTape<Scalar>* tape = nullptr,
              Eigen::Index out = 0)
 {
   rank = static_cast<int>(std::min<Eigen::Index>(std::min(rank, steps), rows.count));
-  // The next column by what Pythagoras leaves of each, which is there before the rows are; by the rows if that is roundings.
+  // The next column by what Pythagoras leaves of each, which is there before the rows are; by the rows if that is
+  // roundings.
   const auto of_rows = [&] { return RootRow<Scalar>(Eigen::Map<const RootRow<Scalar>>(squares(rows).data())); };
   RootRow<Scalar> square = of_rows();
   auto [column, most_left] = largest_of_six(square);
@@ -389,9 +395,10 @@ int compress(RootRows<Scalar, most>& rows, std::array<RootRow<Scalar>, static_ca
 
 /// The same in one function for all subsystems.
 template <int steps, class Scalar, int most>
-[[gnu::noinline]] int compress_apart(RootRows<Scalar, most>& rows, std::array<RootRow<Scalar>, static_cast<std::size_t>(steps)>& result,
-                                     std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank, RowTape<Scalar>* tape,
-                                     Eigen::Index out)
+[[gnu::noinline]] int compress_apart(RootRows<Scalar, most>& rows,
+                                     std::array<RootRow<Scalar>, static_cast<std::size_t>(steps)>& result,
+                                     std::array<int, static_cast<std::size_t>(steps)>& pivot, int rank,
+                                     RowTape<Scalar>* tape, Eigen::Index out)
 {
   return in_one_function<Scalar>([&] { return compress<steps>(rows, result, pivot, rank, tape, out); });
 }

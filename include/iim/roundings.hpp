@@ -1,15 +1,15 @@
 // How large the roundings of an inertia are: what its pivots are told from zero by.
 //
 // A frame's A, reduced joint by joint from larger ones, differs from the exact one by E ≈ ε (diag(size) + loss lossᵀ).
-// `size`: the largest that stood on its diagonal; along each axis for itself, since what a chain in a plane weighs across
-// that plane does not round what is in it. `loss`: a pivot D with roundings ε·scale, scale > D, leaves
-// A' = A − UᵀU/D wrong by ε·scale W Wᵀ, more than ε A, and the next pivots with it. Both go inward as A does,
+// `size`: the largest that stood on its diagonal; along each axis for itself, since what a chain in a plane weighs
+// across that plane does not round what is in it. `loss`: a pivot D with roundings ε·scale, scale > D, leaves A' = A −
+// UᵀU/D wrong by ε·scale W Wᵀ, more than ε A, and the next pivots with it. Both go inward as A does,
 //
 //     E' = Pᵀ E P, P = 1 − S W:      loss' = loss − W (S·loss)  or  √scale (W − S/|S|²), the larger,
 //
-// both zero along S, as A' is: axes that nearly coincide lose nothing by the second. Frames without loss (FrameState::loses)
-// pay nothing for it. (With one flag for the whole tree and both kinds of loss at each joint, the pass of chains took a fourth
-// longer, with lanes half as long again.)
+// both zero along S, as A' is: axes that nearly coincide lose nothing by the second. Frames without loss
+// (FrameState::loses) pay nothing for it. (With one flag for the whole tree and both kinds of loss at each joint, the
+// pass of chains took a fourth longer, with lanes half as long again.)
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -44,16 +44,14 @@ template <MotionPattern pattern, class Scalar, int n>
   }
 }
 
-/// Whether a pivot leaves so little of `scale` that its own roundings are counted behind it. (From 1/4 on, one more of 1600
-/// wrong results under loads is refused in float, and a chain of 50 takes 7 % longer.)
+/// Whether a pivot leaves so little of `scale` that its own roundings are counted behind it. (From 1/4 on, one more of
+/// 1600 wrong results under loads is refused in float, and a chain of 50 takes 7 % longer.)
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool loses(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale)
 {
   bool strong = true;
 #pragma GCC unroll 8
-  for (int d = 0; d < n; ++d) {
-    strong &= ScalarTraits<Scalar>::is_positive(D(d, d) - Scalar(1.0 / 8) * scale(d));
-  }
+  for (int d = 0; d < n; ++d) { strong &= ScalarTraits<Scalar>::is_positive(D(d, d) - Scalar(1.0 / 8) * scale(d)); }
   return !strong;
 }
 
@@ -96,7 +94,8 @@ void add_loss(TriplePair<Scalar> loss, const Vector3<Scalar>& r, FrameState<Scal
   inlet.loses = true;
 }
 
-/// What is left of loss, or what weak pivots leave, to the inlet. scale: of D's roundings by those of A; along: Sᵀ loss.
+/// What is left of loss, or what weak pivots leave, to the inlet. scale: of D's roundings by those of A; along: Sᵀ
+/// loss.
 template <class S>
 [[gnu::noinline]] void pass_loss(const FrameState<typename S::Scalar>* frames, const NodeMemory<S>& state,
                                  const Velocities<S>& scale, const Velocities<S>& along, bool weak,
@@ -120,13 +119,15 @@ template <class S>
         left -= s;  // of length 1
       } else {
         // A rotor's angle moves no frame: its column of S is zero, and so is its scale.
-        const Scalar square = max(Scalar(dot(s.linear, s.linear) + dot(s.angular, s.angular)),
-                                  Scalar(std::numeric_limits<float>::min()));
+        const Scalar square =
+            max(Scalar(dot(s.linear, s.linear) + dot(s.angular, s.angular)), Scalar(std::numeric_limits<float>::min()));
         left -= s * (Scalar(1) / square);
       }
       fresh += left * sqrt(scale(d));
     }
-    const auto squared = [](const TriplePair<Scalar>& a) { return dot(a.linear, a.linear) + dot(a.angular, a.angular); };
+    const auto squared = [](const TriplePair<Scalar>& a) {
+      return dot(a.linear, a.linear) + dot(a.angular, a.angular);
+    };
     const Scalar old_square = squared(loss), fresh_square = squared(fresh);
     const auto larger = [&](int i) { return if_greater(fresh_square, old_square, fresh(i), loss(i)); };
     loss = {{larger(0), larger(1), larger(2)}, {larger(3), larger(4), larger(5)}};

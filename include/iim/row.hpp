@@ -33,9 +33,9 @@ struct PartOf<T, 1> {
   using Type = T;
 };
 
-/// n numbers, a power of two; operations number by number. What Eigen::Array is, too, but its layers are compiled for each
-/// expression (a thousand functions of a controller, some 5 % of its compile time), and of registers compilers do not inline
-/// them (2× for B̂ of several states).
+/// n numbers, a power of two; operations number by number. What Eigen::Array is, too, but its layers are compiled for
+/// each expression (a thousand functions of a controller, some 5 % of its compile time), and of registers compilers do
+/// not inline them (2× for B̂ of several states).
 template <class Scalar, int n>
 class Row {
   static constexpr int side = std::min(register_lanes<Scalar>, n);

@@ -20,11 +20,11 @@ inline constexpr int along_S = 7;  ///< lane of v
 
 /// Where the rows that a subsystem leaves stand on its inlet.
 struct Arrival {
-  Eigen::Index from = 0, count = -1;  ///< rows of the subsystem; −1 if none reach an inlet
-  Eigen::Index to = 0;                ///< first row of the inlet
-  Eigen::Index within_from = 0, within = 0;         ///< those of what lies within the subsystem
+  Eigen::Index from = 0, count = -1;               ///< rows of the subsystem; −1 if none reach an inlet
+  Eigen::Index to = 0;                             ///< first row of the inlet
+  Eigen::Index within_from = 0, within = 0;        ///< those of what lies within the subsystem
   Eigen::Index within_first = 0, within_next = 0;  ///< rows of the inlet: of the first, and of the others
-  std::size_t position = 0;           ///< steps of the inlet's tape that were before
+  std::size_t position = 0;                        ///< steps of the inlet's tape that were before
 };
 
 /// Steps of Q in their order. Off, and without memory, until it has room; then it does not allocate.
@@ -43,10 +43,11 @@ public:
 
   void clear() { size_ = n_numbers_ = 0; }
 
-  /// The reflection of the column x(r) of the first `count` rows to (…, α, …) at row `pivot`, factor = 2/‖x − α e‖². That row goes
-  /// to `out`, its place is empty.
+  /// The reflection of the column x(r) of the first `count` rows to (…, α, …) at row `pivot`, factor = 2/‖x − α e‖².
+  /// That row goes to `out`, its place is empty.
   template <class X>
-  void reflect(Eigen::Index count, Eigen::Index pivot, Eigen::Index out, X&& x, const Scalar& alpha, const Scalar& factor)
+  void reflect(Eigen::Index count, Eigen::Index pivot, Eigen::Index out, X&& x, const Scalar& alpha,
+               const Scalar& factor)
   {
     add({Kind::reflect, pivot, out, count, n_numbers_});
     add(alpha);

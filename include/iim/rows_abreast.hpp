@@ -77,8 +77,8 @@ template <class Scalar>
   }
 }
 
-/// Sums over the numbers in each of `count` registers, count a power of two, to sum[0], …: of pairs of registers halves are added
-/// until one number of each sum is left.
+/// Sums over the numbers in each of `count` registers, count a power of two, to sum[0], …: of pairs of registers halves
+/// are added until one number of each sum is left.
 template <class Scalar, std::size_t count>
 [[gnu::always_inline]] inline void sum_rows(const std::array<RowsPart<Scalar>, count>& part, Scalar* sum)
 {
@@ -86,6 +86,7 @@ template <class Scalar, std::size_t count>
   if constexpr (lanes == 1) {
     for (std::size_t k = 0; k < count; ++k) { sum[k] = part[k]; }
   } else {
+    // clang-format off
     const auto halved = [&]<int group, class Parts>(auto&& self, std::integral_constant<int, group>, const Parts& parts)
                             __attribute__((always_inline)) {
       if constexpr (group == 1) {
@@ -96,7 +97,8 @@ template <class Scalar, std::size_t count>
         std::array<RowsPart<Scalar>, left> next;
         [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) {
           unrolled<static_cast<int>(left)>([&](auto k) __attribute__((always_inline)) {
-            const RowsPart<Scalar>&a = parts[2 * k < static_cast<int>(size) ? 2 * k : 0], &b = parts[size > 1 ? 2 * k + 1 : 0];
+            const RowsPart<Scalar>&a = parts[2 * k < static_cast<int>(size) ? 2 * k : 0],
+                  &b = parts[size > 1 ? 2 * k + 1 : 0];
             next[k] = __builtin_shufflevector(a, b, (i / half * group + i % half)...) +
                       __builtin_shufflevector(a, b, (i / half * group + i % half + half)...);
           });
@@ -104,6 +106,7 @@ template <class Scalar, std::size_t count>
         self(self, std::integral_constant<int, half>{}, next);
       }
     };
+    // clang-format on
     halved(halved, std::integral_constant<int, lanes>{}, part);
   }
 }

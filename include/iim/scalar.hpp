@@ -77,7 +77,9 @@ inline bool all_finite(const double* x, Eigen::Index size)
 inline bool all_finite(const float* x, Eigen::Index size)
 {
   std::uint32_t carried = 0;
-  for (Eigen::Index k = 0; k < size; ++k) { carried |= (std::bit_cast<std::uint32_t>(x[k]) & 0x7f800000u) + 0x00800000u; }
+  for (Eigen::Index k = 0; k < size; ++k) {
+    carried |= (std::bit_cast<std::uint32_t>(x[k]) & 0x7f800000u) + 0x00800000u;
+  }
   return carried >> 31 == 0;
 }
 
@@ -104,9 +106,10 @@ bool all_finite(const Eigen::DenseBase<Derived>& m)
   return finite;
 }
 
-/// Whether a frame's own bodies come to its inertia before what hangs on it, as with several states at once, where that is in memory
-/// in any case (7 % of them). Else last, in registers, at the frame's own step: they would wait there for it in memory, and with what
-/// has come apart from them, what they are to their own joint is a constant (OwnColumn). Pass of a tree of 63: 7 % less.
+/// Whether a frame's own bodies come to its inertia before what hangs on it, as with several states at once, where that
+/// is in memory in any case (7 % of them). Else last, in registers, at the frame's own step: they would wait there for
+/// it in memory, and with what has come apart from them, what they are to their own joint is a constant (OwnColumn).
+/// Pass of a tree of 63: 7 % less.
 template <class Scalar>
 inline constexpr bool bodies_first = false;
 

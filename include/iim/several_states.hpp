@@ -66,7 +66,9 @@ void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, 
     for (; r < size && size >= N; r += N) {
       const Index begin = std::min(r, size - N);  // the last rows may be written twice
       transpose<T, N>([&](auto k) __attribute__((always_inline)) { return rows[begin + k].data(); },
-                      [&](auto l) __attribute__((always_inline)) { return l < count ? target + l * stride + begin : beyond.data(); });
+                      [&](auto l) __attribute__((always_inline)) {
+                        return l < count ? target + l * stride + begin : beyond.data();
+                      });
     }
   }
   for (; r < size; ++r) {
@@ -76,8 +78,8 @@ void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, 
 
 }  // namespace detail
 
-/// q̈₀ and B̂, or q̈ under inputs, of many states. Construction allocates; nothing after it does. One per thread: it is the
-/// workspace. Refers to `inputs` and its tree, and follows which inputs are active.
+/// q̈₀ and B̂, or q̈ under inputs, of many states. Construction allocates; nothing after it does. One per thread: it is
+/// the workspace. Refers to `inputs` and its tree, and follows which inputs are active.
 template <class Tree, Update update = Update::projected>
 class SeveralStates {
   static_assert(update != Update::square_root, "the square-root form decides about pivots for each state by itself");
@@ -89,14 +91,15 @@ public:
 
   /// Results of up to `lanes` states at once, in lanes. Refers to memory of SeveralStates; good until its next use.
   struct PackDynamics {
-    Index first;                          ///< lane l holds state first + l
-    int count;                            ///< lanes that hold a state
+    Index first;                           ///< lane l holds state first + l
+    int count;                             ///< lanes that hold a state
     Eigen::Map<const VectorX<Pack>> qdd0;  ///< n_v; NaN in lanes without a result
     Eigen::Map<const MatrixX<Pack>> Bhat;  ///< n_v × m; the same
     const std::array<Outcome, static_cast<std::size_t>(lanes)>& outcome;
   };
 
-  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, or of other masses.
+  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, or of other
+  /// masses.
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
@@ -162,8 +165,9 @@ public:
       for (int l = 0; l < pack.count; ++l) {
         const Scalar* state = states_.data() + l * size;
         const Outcome& outcome = pack.outcome[at(l)];
-        f(pack.first + l, AffineDynamics<Scalar>{{state, n}, {state + Bhat, n, m, Eigen::OuterStride<>(n)}, outcome.status,
-                                                 outcome.subsystem});
+        f(pack.first + l,
+          AffineDynamics<Scalar>{
+              {state, n}, {state + Bhat, n, m, Eigen::OuterStride<>(n)}, outcome.status, outcome.subsystem});
       }
     });
   }
@@ -181,7 +185,8 @@ public:
     Index failed = 0;
     for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
       detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * n, n);
-      detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.rows(), Bhat.rows());
+      detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.rows(),
+                         Bhat.rows());
       failed += note(pack.first, pack.count, outcomes);
     });
     return failed;
@@ -216,7 +221,8 @@ public:
           one_q_ = q.col(first + l);
           one_qd_ = qd.col(first + l);
           one_u_.head(m) = u.col(first + l);
-          const Acceleration<Scalar> one = forward_dynamics<scene>(one_q_, one_qd_, *inputs_, one_u_.head(m), workspace_);
+          const Acceleration<Scalar> one =
+              forward_dynamics<scene>(one_q_, one_qd_, *inputs_, one_u_.head(m), workspace_);
           outcome_[at(l)] = {one.status, one.subsystem};
           if (one.status == Status::ok) {
             qdd.col(first + l) = one.qdd;
@@ -244,13 +250,15 @@ private:
     for (const Node& node : tree().nodes()) {
       const auto& own = tree().placement(node.index);
       const auto& other = lane_tree_.placement(node.index);
-      bool same = tree().name(node.index) == lane_tree_.name(node.index) && node.inlet == lane_tree_.node(node.index).inlet;
+      bool same =
+          tree().name(node.index) == lane_tree_.name(node.index) && node.inlet == lane_tree_.node(node.index).inlet;
       for (int k = 0; k < 9; ++k) { same = same && !differs(own.R.data()[k], other.R.data()[k]); }
       for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
       const Scalar mass = tree().frame_mass(node.frame).mass, off = lane_tree_.frame_mass(node.frame).mass[0] - mass;
       same = same && off <= roundings * mass && -off <= roundings * mass;
       if (!same) {
-        throw ModelError("subsystem '" + tree().name(node.index) + "' is another one in the assembly than in the inputs' tree");
+        throw ModelError("subsystem '" + tree().name(node.index) +
+                         "' is another one in the assembly than in the inputs' tree");
       }
     }
   }

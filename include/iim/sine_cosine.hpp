@@ -21,13 +21,13 @@ void sine_cosine(const Scalar& angle, Scalar& s, Scalar& c)
   c = cos(angle);
 }
 
-/// (sin r − r)/r³ and (cos r − 1 + r²/2)/r⁴ as polynomials in r² for |r| ≤ π/4, interpolated in Chebyshev's points with 60
-/// digits. Errors of sin and cos: 2e-17; of the short ones, for float, below 1e-10.
+/// (sin r − r)/r³ and (cos r − 1 + r²/2)/r⁴ as polynomials in r² for |r| ≤ π/4, interpolated in Chebyshev's points with
+/// 60 digits. Errors of sin and cos: 2e-17; of the short ones, for float, below 1e-10.
 template <std::size_t terms>
 struct SineSeries;
 template <>
 struct SineSeries<6> {
-  static constexpr std::array<double, 6> sine{-0x1.5555555555555p-3,  0x1.1111111110bb2p-7,  -0x1.a01a019e83816p-13,
+  static constexpr std::array<double, 6> sine{-0x1.5555555555555p-3, 0x1.1111111110bb2p-7,   -0x1.a01a019e83816p-13,
                                               0x1.71de379654304p-19, -0x1.ae600aca92c64p-26, 0x1.5e0b05bff20f2p-33};
   static constexpr std::array<double, 6> cosine{0x1.5555555555555p-5,   -0x1.6c16c16c16967p-10, 0x1.a01a019f4e9b4p-16,
                                                 -0x1.27e4fa17bf139p-22, 0x1.1eeb68cd22f56p-29,  -0x1.907d8f29fe831p-37};

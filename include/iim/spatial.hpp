@@ -19,12 +19,18 @@ namespace iim {
 
 using Index = Eigen::Index;
 
-template <class Scalar> using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
-template <class Scalar> using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
-template <class Scalar> using Vector6 = Eigen::Matrix<Scalar, 6, 1>;
-template <class Scalar> using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
-template <class Scalar> using VectorX = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
-template <class Scalar> using MatrixX = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+template <class Scalar>
+using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
+template <class Scalar>
+using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+template <class Scalar>
+using Vector6 = Eigen::Matrix<Scalar, 6, 1>;
+template <class Scalar>
+using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
+template <class Scalar>
+using VectorX = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+template <class Scalar>
+using MatrixX = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
 /// Cross-product matrix: skew(a) b = a × b.
 template <class Scalar>
@@ -50,7 +56,8 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::always_inline]] inline Vector3<Scalar> times(const Matrix3<Scalar>& R, const Vector3<Scalar>& a)
 {
-  return Vector3<Scalar>(R(0, 0) * a(0) + R(0, 1) * a(1) + R(0, 2) * a(2), R(1, 0) * a(0) + R(1, 1) * a(1) + R(1, 2) * a(2),
+  return Vector3<Scalar>(R(0, 0) * a(0) + R(0, 1) * a(1) + R(0, 2) * a(2),
+                         R(1, 0) * a(0) + R(1, 1) * a(1) + R(1, 2) * a(2),
                          R(2, 0) * a(0) + R(2, 1) * a(1) + R(2, 2) * a(2));
 }
 
@@ -376,10 +383,7 @@ struct SpatialInertia {
              J(2, 0) * a(0) + J(2, 1) * a(1) + J(2, 2) * a(2)}};
   }
 
-  Matrix6<Scalar> dense() const
-  {
-    return detail::in_blocks(M.dense(), H, J.dense());
-  }
+  Matrix6<Scalar> dense() const { return detail::in_blocks(M.dense(), H, J.dense()); }
 };
 
 }  // namespace iim

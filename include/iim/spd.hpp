@@ -10,8 +10,8 @@
 
 namespace iim::detail {
 
-/// Of scale, below which a pivot counts as zero: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in float; 160 once in a
-/// thousand states).
+/// Of scale, below which a pivot counts as zero: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in float; 160
+/// once in a thousand states).
 template <class Scalar>
 Scalar pivot_tolerance()
 {
@@ -21,21 +21,22 @@ Scalar pivot_tolerance()
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).
 ///
 /// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). A pivot below
-/// pivot_tolerance of it counts as zero (and one below zero, where scale itself is a rounding). Returns whether all pivots are
-/// positive; if not, C is not to be used.
+/// pivot_tolerance of it counts as zero (and one below zero, where scale itself is a rounding). Returns whether all
+/// pivots are positive; if not, C is not to be used.
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
-                                                   const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
+                                                   const Eigen::Matrix<Scalar, n, 1>& scale,
+                                                   Eigen::Matrix<Scalar, n, n>& C)
 {
   using std::min;
   using std::sqrt;
   const Scalar tolerance = pivot_tolerance<Scalar>();
-  // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for the root
-  // too as in L Lᵀ (2 % of the biped's pass).
+  // D = L diag(pivots) Lᵀ, L⁻¹ built beside it; C = L⁻ᵀ diag(1/√pivots). A pivot waits for a division alone, not for
+  // the root too as in L Lᵀ (2 % of the biped's pass).
   bool positive = true;
   Eigen::Matrix<Scalar, n, n> left = D;
-  // What is left of an error E, [−l 1] E [−l 1]ᵀ: small pivots make the roundings of later ones larger. (Of 2000 free bases
-  // without mass, each with a limb, 39 had a pivot of roundings that passed for one.)
+  // What is left of an error E, [−l 1] E [−l 1]ᵀ: small pivots make the roundings of later ones larger. (Of 2000 free
+  // bases without mass, each with a limb, 39 had a pivot of roundings that passed for one.)
   Eigen::Matrix<Scalar, n, 1> rounding = scale;
 #pragma GCC unroll 8
   for (int i = 0; i < n; ++i) {

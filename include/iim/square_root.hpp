@@ -11,18 +11,17 @@
 // rank. The rows [N' X(r) | z' − N' c] are stacked on the parent's own. Nothing is subtracted from anything of its own
 // size: the error of A' is relative to each row, whatever the other rows weigh, if rows and columns are pivoted (Powell
 // and Reid 1969; Cox and Higham 1998, "Stability of Householder QR factorization for weighted least squares problems").
-// v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its own
-// axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child.
-// Rotors and springs come after the bodies, in rotations of their own: together, each row of a heavy link would get a
-// small share of the rotor's, and with it what heavy links push on each other (z beyond the range of N) would reach the
-// rotor's row.
-// The gyroscopic moment of a rotor with a body of its own is z of that body's rows. A free frame, which has no
-// one S, takes that of the joint which carries most (free_root.hpp).
+// v of a row is formed where it has most digits, not from the sums N: for the frame's own body from constants in its
+// own axes, and for a child's rows, N' S_child = 0, from what S differs by from S_child. Rotors and springs come after
+// the bodies, in rotations of their own: together, each row of a heavy link would get a small share of the rotor's, and
+// with it what heavy links push on each other (z beyond the range of N) would reach the rotor's row. The gyroscopic
+// moment of a rotor with a body of its own is z of that body's rows. A free frame, which has no one S, takes that of
+// the joint which carries most (free_root.hpp).
 //
-// What is left of the error is what rows of N in working precision are worth, and not how they are reduced. Where masses grow
-// tenfold per link outward, 12 links, the light inner links stand between the world and what hardly moves, and one ε in the
-// data moves B̂ by 520 ε. The pass in extended precision, with one kind of quantity rounded to double once wherever it is
-// stored, all else exact, in ε of double, worst of 100 states and median (B̂):
+// What is left of the error is what rows of N in working precision are worth, and not how they are reduced. Where
+// masses grow tenfold per link outward, 12 links, the light inner links stand between the world and what hardly moves,
+// and one ε in the data moves B̂ by 520 ε. The pass in extended precision, with one kind of quantity rounded to double
+// once wherever it is stored, all else exact, in ε of double, worst of 100 states and median (B̂):
 //
 //     reflected rows     96    2.9        r_pi              46    0.8        v of the rows      11    1.7
 //     compressed rows    52    2.1        R                 12    1.0        W                  11    1.2
@@ -75,25 +74,26 @@ struct OwnRows {
   }
 };
 
-/// [N | z] of what one frame carries: the rows of its own body, and those of its children, each beginning with a new register. Rows
-/// are compressed where there would be more than `loose`: a reflection of forty rows costs little more than one of twenty, and
-/// compressing as much as several (AVX-512: a chain of twenty takes 430 cycles a joint with 64, 440 with 48, 446 with 32). More
-/// rows than rank have a residual in z; where it is a force between heavy bodies its roundings move what is much lighter, and
-/// rows are compressed.
+/// [N | z] of what one frame carries: the rows of its own body, and those of its children, each beginning with a new
+/// register. Rows are compressed where there would be more than `loose`: a reflection of forty rows costs little more
+/// than one of twenty, and compressing as much as several (AVX-512: a chain of twenty takes 430 cycles a joint with 64,
+/// 440 with 48, 446 with 32). More rows than rank have a residual in z; where it is a force between heavy bodies its
+/// roundings move what is much lighter, and rows are compressed.
 template <class Scalar>
 struct RootInertia {
   static constexpr int loose = rows_abreast<Scalar> >= 8 ? 64 : 40;
   static constexpr int loose_on_free = 2 * loose + 8;  ///< where all are compressed to six
-  static constexpr int most = loose_on_free + 32;  ///< with what lies within a child, its bodies on the inlet, and to whole registers
+  /// With what lies within a child, its bodies on the inlet, and to whole registers.
+  static constexpr int most = loose_on_free + 32;
   static constexpr int within = 4;        ///< rotors and springs of a subsystem of one column
   static constexpr int most_within = 64;  ///< and of any kind
   using Rows = RootRows<Scalar, most>;
-  std::size_t place;   ///< of its rows (WorkspaceData::rows)
+  std::size_t place;  ///< of its rows (WorkspaceData::rows)
   OwnRows<Scalar> own;
-  std::array<RootRow<Scalar>, 7> G;  ///< of a free frame (free_root.hpp)
+  std::array<RootRow<Scalar>, 7> G;     ///< of a free frame (free_root.hpp)
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
-  Scalar heaviest;       ///< √m of the heaviest body in the rows
-  Eigen::Index apart_along = -1;  ///< of a free frame: the child whose column S is
+  Scalar heaviest;                      ///< √m of the heaviest body in the rows
+  Eigen::Index apart_along = -1;        ///< of a free frame: the child whose column S is
   bool is_free = false;
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
@@ -104,10 +104,10 @@ struct RootInertia {
   Scalar rate;           ///< coefficient of S in it
 };
 
-/// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's rate
-/// is undone by the child's own joint without anything else moving, so that only the difference acts on what follows;
-/// of axes that nearly coincide it is all there is to see. A rotor or spring within makes A'S_i = Wᵀ slip: undoing the share
-/// winds it up, and what the joint undoes is less. share = 0 for joints of several columns or frames.
+/// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's
+/// rate is undone by the child's own joint without anything else moving, so that only the difference acts on what
+/// follows; of axes that nearly coincide it is all there is to see. A rotor or spring within makes A'S_i = Wᵀ slip:
+/// undoing the share winds it up, and what the joint undoes is less. share = 0 for joints of several columns or frames.
 template <class Scalar>
 struct SharedAxis {
   Vector6<Scalar> difference;
@@ -116,19 +116,20 @@ struct SharedAxis {
   Scalar slip;    ///< share · (1 − W S_i)
 };
 
-/// Of a free frame, which moves by six columns: the joint `child` that carries most of what hangs on it, and its column S
-/// (free_root.hpp, free_inward.hpp).
+/// Of a free frame, which moves by six columns: the joint `child` that carries most of what hangs on it, and its column
+/// S (free_root.hpp, free_inward.hpp).
 template <class Scalar>
 struct FreeAxis {
   Eigen::Index frame;
   Eigen::Index child;
   // Matrix form: about the frame's point, in the axes of its A.
-  Eigen::Index receiver = -1;  ///< FrameState that takes what the child hands on; −1: the frame's own, where nothing comes later
+  /// FrameState that takes what the child hands on; −1: the frame's own, where nothing comes later.
+  Eigen::Index receiver = -1;
   Vector6<Scalar> S = Vector6<Scalar>::Unit(5);
   Vector6<Scalar> held = Vector6<Scalar>::Zero();  ///< of what the child hands on, A' S; then A S of all
-  Scalar force = Scalar(0);                        ///< of what the child hands on, Sᵀ p'; then Sᵀ p of all but bias accelerations
-  Scalar within = Scalar(0);                       ///< Sᵀ A' S of what the child hands on
-  TriplePair<Scalar> size{};                       ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
+  Scalar force = Scalar(0);   ///< of what the child hands on, Sᵀ p'; then Sᵀ p of all but bias accelerations
+  Scalar within = Scalar(0);  ///< Sᵀ A' S of what the child hands on
+  TriplePair<Scalar> size{};  ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
   Scalar loss = Scalar(0);
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in RootInertia::G
@@ -144,7 +145,9 @@ template <class S>
 constexpr Along along()
 {
   const int within = rotor_count<S>() + spring_count<S>();
-  if (S::n_i != 1 || S::n_frames != 1 || is_free<S>() || within > RootInertia<typename S::Scalar>::within) { return Along::nothing; }
+  if (S::n_i != 1 || S::n_frames != 1 || is_free<S>() || within > RootInertia<typename S::Scalar>::within) {
+    return Along::nothing;
+  }
   return has_own_twist<S>() ? Along::own_twist : Along::column;
 }
 
@@ -162,7 +165,8 @@ template <bool velocity, Along along, class Scalar>
   const Triple<Scalar> of_com = combined(R, body.com) + Triple<Scalar>(r.data()), of_frame = triple(omega);
   const Vector3<Scalar> s(of_com(0), of_com(1), of_com(2));
   const Triple<Scalar> root_moment(body.root_moment.data());
-  Triple<Scalar> turn(Scalar(0), Scalar(0), Scalar(0)), spin = turn, v = turn;  // v of both parts, and ω in principal axes
+  Triple<Scalar> turn(Scalar(0), Scalar(0), Scalar(0)), spin = turn,
+                                                        v = turn;  // v of both parts, and ω in principal axes
   const Triple<Scalar> axes[3] = {Triple<Scalar>(body.to_axes.data()), Triple<Scalar>(body.to_axes.data() + 3),
                                   Triple<Scalar>(body.to_axes.data() + 6)};
 #pragma GCC unroll 8
@@ -215,9 +219,9 @@ template <bool velocity, Along along, class Scalar>
   place_roots<velocity, along>(body, R, r, omega, N.S, N.own, N.scale);
 }
 
-/// Takes from a wrench on a frame what the rows of the frame's own body carry, as a part of z: N_bᵀ z = wrench, one number for
-/// each row. Beside N it would act by its roundings on what is lighter than the body; a load of 10⁹ kg on links of 1 kg cost q̈
-/// eight digits. What is left is a moment about axes where the body has no row.
+/// Takes from a wrench on a frame what the rows of the frame's own body carry, as a part of z: N_bᵀ z = wrench, one
+/// number for each row. Beside N it would act by its roundings on what is lighter than the body; a load of 10⁹ kg on
+/// links of 1 kg cost q̈ eight digits. What is left is a moment about axes where the body has no row.
 template <class Scalar>
 RootRow<Scalar> put_on_rows(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
                             Vector6<Scalar>& wrench)
@@ -254,8 +258,8 @@ struct RowMove {
 
 /// Puts rows to others. n(r): those from row r on that one register takes, column by column. To `scale` Σ |n| |T|.
 template <bool with_v, class Scalar, int most, class Rows>
-[[gnu::always_inline]] inline void move_rows(Rows&& n, Eigen::Index count, const RowMove<Scalar>& move, RootRows<Scalar, most>& onto,
-                                             Scalar& scale)
+[[gnu::always_inline]] inline void move_rows(Rows&& n, Eigen::Index count, const RowMove<Scalar>& move,
+                                             RootRows<Scalar, most>& onto, Scalar& scale)
 {
   using std::abs;
   using Part = RowsPart<Scalar>;
@@ -305,16 +309,19 @@ template <class Scalar>
 
 /// One row.
 template <class Scalar>
-[[gnu::always_inline]] inline SingleRow<Scalar> moved(const SingleRow<Scalar>& row, const RowMove<Scalar>& move, Scalar& scale)
+[[gnu::always_inline]] inline SingleRow<Scalar> moved(const SingleRow<Scalar>& row, const RowMove<Scalar>& move,
+                                                      Scalar& scale)
 {
   const TriplePair<Scalar> T(move.T.data());
   scale += dot_of_sizes(row.n, T);
   return {{row.n.linear, row.n.angular + cross(Triple<Scalar>(move.r.data()), row.n.linear)},
-          row.z - dot(row.n, TriplePair<Scalar>(move.known.data())), row.v + dot(row.n, T)};
+          row.z - dot(row.n, TriplePair<Scalar>(move.known.data())),
+          row.v + dot(row.n, T)};
 }
 
-/// Q of the file's head: takes the columns v, from the eighth on, to T, and [N | z] along; the rows that it takes, [N₁ | z₁ | T],
-/// are top. `scale`: what the entries of v would be without cancellation. False if T is singular up to roundings.
+/// Q of the file's head: takes the columns v, from the eighth on, to T, and [N | z] along; the rows that it takes, [N₁
+/// | z₁ | T], are top. `scale`: what the entries of v would be without cancellation. False if T is singular up to
+/// roundings.
 template <int n, class Scalar, int most, std::size_t padded>
 bool eliminate(RootRows<Scalar, most, 7 + n>& rows, const Eigen::Matrix<Scalar, n, 1>& scale,
                std::array<std::array<Scalar, padded>, static_cast<std::size_t>(n)>& top, Eigen::Matrix<Scalar, n, n>& C,
@@ -340,7 +347,9 @@ bool eliminate(RootRows<Scalar, most, 7 + n>& rows, const Eigen::Matrix<Scalar, 
     top[static_cast<std::size_t>(k)] = reflection.top;
     // Below this v is made of roundings: the coordinate moves nothing, or no digit of what it moves is left.
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(column);
-    if (!ScalarTraits<Scalar>::is_positive(abs(reflection.top[static_cast<std::size_t>(7 + column)]) - negligible)) { return false; }
+    if (!ScalarTraits<Scalar>::is_positive(abs(reflection.top[static_cast<std::size_t>(7 + column)]) - negligible)) {
+      return false;
+    }
     reflect(rows, reflection, [](const auto&, Eigen::Index) {});
     if (k + 1 < n) { square = squares(rows); }
   }
@@ -351,7 +360,9 @@ bool eliminate(RootRows<Scalar, most, 7 + n>& rows, const Eigen::Matrix<Scalar, 
     const Scalar inverse = Scalar(1) / t(k, row);
     for (int c = 0; c < n; ++c) {
       Scalar sum = c == k ? Scalar(1) : Scalar(0);
-      for (int l = k + 1; l < n; ++l) { sum -= t(k, order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c); }
+      for (int l = k + 1; l < n; ++l) {
+        sum -= t(k, order[static_cast<std::size_t>(l)]) * C(order[static_cast<std::size_t>(l)], c);
+      }
       C(row, c) = sum * inverse;
     }
   }

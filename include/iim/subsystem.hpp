@@ -22,15 +22,15 @@
 
 namespace iim {
 
-/// How one frame of a subsystem moves relative to the inlet; filled in by Subsystem::motion. World axes. What no state changes
-/// from zero need not be written.
+/// How one frame of a subsystem moves relative to the inlet; filled in by Subsystem::motion. World axes. What no state
+/// changes from zero need not be written.
 template <class Scalar, int n_i>
 struct FrameMotion {
-  Matrix3<Scalar>& R;                    ///< frame to world
-  Vector3<Scalar>& r;                    ///< frame origin from the coupling point [m]
-  Eigen::Matrix<Scalar, 6, n_i>& S;      ///< twist of the frame at the coupling point, per q̇_i
-  Vector6<Scalar>& bias;                 ///< Ṡ q̇ for a resting inlet: acceleration of the frame's point that is
-                                         ///< at the coupling point now, for q̈ = 0
+  Matrix3<Scalar>& R;                ///< frame to world
+  Vector3<Scalar>& r;                ///< frame origin from the coupling point [m]
+  Eigen::Matrix<Scalar, 6, n_i>& S;  ///< twist of the frame at the coupling point, per q̇_i
+  Vector6<Scalar>& bias;             ///< Ṡ q̇ for a resting inlet: acceleration of the frame's point that is
+                                     ///< at the coupling point now, for q̈ = 0
 };
 
 /// What `motion` leaves zero (and need not write): the recursions then leave out the work for it.
@@ -39,9 +39,9 @@ struct MotionPattern {
   bool angular = true;  ///< S has angular rows
   bool offset = true;   ///< r is not zero
   bool bias = true;     ///< bias is not zero
-  /// S and bias are about the frame's origin instead of the coupling point, which moves there. Of one frame that slides far, with
-  /// no bodies on the inlet: what it carries is then about a point of its own. (A base that slides and turns in a plane, 1 km away:
-  /// B̂ 5.6e6 ε without, 1 with.)
+  /// S and bias are about the frame's origin instead of the coupling point, which moves there. Of one frame that slides
+  /// far, with no bodies on the inlet: what it carries is then about a point of its own. (A base that slides and turns
+  /// in a plane, 1 km away: B̂ 5.6e6 ε without, 1 with.)
   bool about_frame = false;
 
   /// Of a joint without bias whose S is the same about both points.
@@ -64,32 +64,31 @@ struct CarriedBody {
 /// Its mass, and its inertia across the axis, are a CarriedBody; this is the inertia about the axis.
 template <class Scalar, int n_i>
 struct Rotor {
-  int frame = -1;                        ///< carrier; −1 is the inlet
-  Vector3<Scalar> axis;                  ///< unit vector in the carrier's axes
-  Scalar inertia;                        ///< about the axis [kg m²]
-  Eigen::Matrix<Scalar, 1, n_i> ratio;   ///< spin rate per q̇_i
-  bool coupled = true;                   ///< false: armature, inertia·ratioᵀratio on M̄_i's q̇ block and nothing else
+  int frame = -1;                       ///< carrier; −1 is the inlet
+  Vector3<Scalar> axis;                 ///< unit vector in the carrier's axes
+  Scalar inertia;                       ///< about the axis [kg m²]
+  Eigen::Matrix<Scalar, 1, n_i> ratio;  ///< spin rate per q̇_i
+  bool coupled = true;                  ///< false: armature, inertia·ratioᵀratio on M̄_i's q̇ block and nothing else
 };
 
-/// Springs and dampers with one elongation, which grows at the rate ratio·q̇_i: what `internal_force` does to first order,
-/// ∂/∂q → ratioᵀ·stiffness·ratio and ∂/∂q̇ = ratioᵀ·damping·ratio. Both not negative.
+/// Springs and dampers with one elongation, which grows at the rate ratio·q̇_i: what `internal_force` does to first
+/// order, ∂/∂q → ratioᵀ·stiffness·ratio and ∂/∂q̇ = ratioᵀ·damping·ratio. Both not negative.
 template <class Scalar, int n_i>
 struct Spring {
   Eigen::Matrix<Scalar, 1, n_i> ratio;
   Scalar stiffness{0};  ///< [N m/rad, N/m]
   Scalar damping{0};    ///< [N m s/rad, N s/m]
-  /// What internal_force contains of it, ratioᵀ·force [N m, N]. Given, it does not cost the square-root form of an implicit step
-  /// any digits, however stiff the spring; zero: it is not known apart from the rest.
+  /// What internal_force contains of it, ratioᵀ·force [N m, N]. Given, it does not cost the square-root form of an
+  /// implicit step any digits, however stiff the spring; zero: it is not known apart from the rest.
   Scalar force{0};
 };
 
 /// Requirements on a subsystem. Sizes are compile-time constants, functions are const and do not allocate.
 template <class T>
-concept Subsystem = requires(const T s, T mutable_s, const Matrix3<typename T::Scalar> R,
-                             const Eigen::Matrix<typename T::Scalar, T::n_q, 1> q,
-                             const Eigen::Matrix<typename T::Scalar, T::n_i, 1> qd,
-                             std::array<FrameMotion<typename T::Scalar, T::n_i>, T::n_frames> frames,
-                             const std::string name) {
+concept Subsystem = requires(
+    const T s, T mutable_s, const Matrix3<typename T::Scalar> R, const Eigen::Matrix<typename T::Scalar, T::n_q, 1> q,
+    const Eigen::Matrix<typename T::Scalar, T::n_i, 1> qd,
+    std::array<FrameMotion<typename T::Scalar, T::n_i>, T::n_frames> frames, const std::string name) {
   // Numbers of coordinates q_i, of internal velocities q̇_i, of own motor inputs, of moving frames (at least one).
   requires T::n_q >= 0 && T::n_i >= 0 && T::n_u >= 0 && T::n_frames >= 1;
   { T::pattern } -> std::convertible_to<MotionPattern>;
@@ -111,10 +110,10 @@ using Coordinates = Eigen::Matrix<typename S::Scalar, S::n_q, 1>;
 template <class S>
 using Velocities = Eigen::Matrix<typename S::Scalar, S::n_i, 1>;
 
-/// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to the parent.
-/// One frame with one body; its coupling point moves with it and is the body's centre of mass, and q̇_i is the velocity of the
-/// frame's origin and its angular velocity, in orthogonal axes e_d: with r the origin from the centre, S = [e r×e; 0 e] and
-/// W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ].
+/// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to the
+/// parent. One frame with one body; its coupling point moves with it and is the body's centre of mass, and q̇_i is the
+/// velocity of the frame's origin and its angular velocity, in orthogonal axes e_d: with r the origin from the centre,
+/// S = [e r×e; 0 e] and W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ].
 template <class S>
 constexpr bool is_free()
 {
@@ -122,8 +121,9 @@ constexpr bool is_free()
   return false;
 }
 
-/// `fixed_body()`: the Body of the one frame, by reference. Bodies of FixedLinks on it are put into it; without, they are moved to
-/// the coupling point at every state, which costs time, and digits where they are far out along the axis of a joint.
+/// `fixed_body()`: the Body of the one frame, by reference. Bodies of FixedLinks on it are put into it; without, they
+/// are moved to the coupling point at every state, which costs time, and digits where they are far out along the axis
+/// of a joint.
 template <class S>
 constexpr bool takes_fixed_bodies()
 {
@@ -175,21 +175,21 @@ constexpr bool has_internal_force()
   return requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
 }
 
-/// `springs(q, qd)`: std::array of Spring, the stiff part of internal_force, which implicit_step takes at the step's end.
-/// Internal forces without it stay explicit.
+/// `springs(q, qd)`: std::array of Spring, the stiff part of internal_force, which implicit_step takes at the step's
+/// end. Internal forces without it stay explicit.
 template <class S>
 constexpr int spring_count()
 {
   if constexpr (requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); }) {
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().springs(
-        std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
+                                std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
   }
   return 0;
 }
 
-/// `own_twist()`: one frame and one velocity only; twist of the frame per q̇ at the frame's origin in the frame's own axes,
-/// which is the same in every configuration. Update::square_root forms S of the frame's own body from it: a centre of mass
-/// on the axis, or a thin moment about it, then stays what it is, whatever a turn to world axes rounds.
+/// `own_twist()`: one frame and one velocity only; twist of the frame per q̇ at the frame's origin in the frame's own
+/// axes, which is the same in every configuration. Update::square_root forms S of the frame's own body from it: a
+/// centre of mass on the axis, or a thin moment about it, then stays what it is, whatever a turn to world axes rounds.
 template <class S>
 constexpr bool has_own_twist()
 {
@@ -200,8 +200,8 @@ constexpr bool has_own_twist()
   return false;
 }
 
-/// `motion(R, turn, qd, frames)`: of one coordinate, which is an angle, with its sine and cosine in place of it. Those of all
-/// subsystems are computed at once.
+/// `motion(R, turn, qd, frames)`: of one coordinate, which is an angle, with its sine and cosine in place of it. Those
+/// of all subsystems are computed at once.
 template <class S>
 constexpr bool takes_turn()
 {

@@ -54,8 +54,9 @@ void add_rotors(const Node& node, const S& s, [[maybe_unused]] const NodeState<S
 
 /// The bodies on one frame, whose twist at the coupling point is G V_i.
 template <bool velocity, class Scalar>
-void add_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r, const Vector3<Scalar>& omega,
-                const Vector6<Scalar>& bias, const MatrixX<Scalar>& G, SubsystemMatrices<Scalar>& m)
+void add_bodies(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
+                const Vector3<Scalar>& omega, const Vector6<Scalar>& bias, const MatrixX<Scalar>& G,
+                SubsystemMatrices<Scalar>& m)
 {
   SpatialInertia<Scalar> inertia;
   TriplePair<Scalar> h_pair;
@@ -91,8 +92,9 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
                          m.frame[static_cast<std::size_t>(k)], m);
   }
   const MatrixX<Scalar> inlet = MatrixX<Scalar>::Identity(6, 6 + n_i);
-  add_bodies<velocity>(ws.tree().inlet_mass(node.index), state.R, zero, node.inlet < 0 ? zero : ws.frame(node.inlet).omega,
-                       Vector6<Scalar>(Vector6<Scalar>::Zero()), inlet, m);
+  add_bodies<velocity>(ws.tree().inlet_mass(node.index), state.R, zero,
+                       node.inlet < 0 ? zero : ws.frame(node.inlet).omega, Vector6<Scalar>(Vector6<Scalar>::Zero()),
+                       inlet, m);
   add_rotors<Scene{.velocity = velocity}>(node, s, state, ws, m);
   if (implicit) {
     for (const auto& spring : state.springs) {

@@ -1,13 +1,14 @@
 // One bias and one acceleration pass for several inputs at once: columns of B̂ without anything of size n².
 //
-// With p_k the wrench on frame k (its sign is that of an applied force, p = −h̄*) the input part of (15), (18) and (19) is
+// With p_k the wrench on frame k (its sign is that of an applied force, p = −h̄*) the input part of (15), (18) and (19)
+// is
 //
 //     inward    τ = Σ_k S_kᵀ p_k + B̄_i e,   p_inlet += X(r)ᵀ (Σ_k p_k − Wᵀ τ)                       (23)
 //     outward   y = X(r) V̇_inlet,   q̈_i = M̄_R⁻¹ τ − W y,   V̇_k = y + S_k q̈_i                       (27), (19)
 //
-// In square-root form Sᵀ p and S q̈ of a frame with one S are kept apart, so that a child on nearly the same axis sees the
-// difference only (SharedAxis).
-// Inward only subsystems between an input and the world have a wrench; outward only trees that an input acts on move.
+// In square-root form Sᵀ p and S q̈ of a frame with one S are kept apart, so that a child on nearly the same axis sees
+// the difference only (SharedAxis). Inward only subsystems between an input and the world have a wrench; outward only
+// trees that an input acts on move.
 #pragma once
 
 #include <iim/inputs.hpp>
@@ -28,12 +29,12 @@ template <class Scalar, int width>
 class SweepSteps : protected SweepColumns<Scalar, width> {
 protected:
   using Columns = SweepColumns<Scalar, width>;
-  using typename Columns::Lane, typename Columns::Reach, typename Columns::Six;
   using Columns::acted, Columns::at_rest, Columns::by_child, Columns::by_input, Columns::carried;
   using Columns::add, Columns::at, Columns::clear, Columns::copy, Columns::zero;
   using Columns::along_, Columns::applied_, Columns::buffers_, Columns::loads_, Columns::moving_, Columns::reach_,
       Columns::rows_, Columns::shared_, Columns::shares_;
   using Columns::Columns;
+  using typename Columns::Lane, typename Columns::Reach, typename Columns::Six;
 
   /// The wrench on a frame, from its children and from inputs.
   [[gnu::always_inline]] void receive(Index frame, Six& p)
@@ -75,14 +76,17 @@ protected:
         } else {
           unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
             unrolled<6>([&](auto c) __attribute__((always_inline)) {
-              if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) { tau[d] += p_k[k][c] * state.S_k[k].coeff(c, d); }
+              if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
+                tau[d] += p_k[k][c] * state.S_k[k].coeff(c, d);
+              }
             });
           });
         }
       });
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
-        for_each_velocity<n_i - 1, Scalar>([&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
+        for_each_velocity<n_i - 1, Scalar>(
+            [&](auto e) __attribute__((always_inline)) { row += tau[e + 1] * state.MbarR_inv.coeff(d, e + 1); });
         if constexpr (Workspace::update == Update::square_root) {
           if (shared_) [[unlikely]] {
             for (int e = 0; e < n_i; ++e) { row += shares_[at(node.v + e)] * state.MbarR_inv_root.coeff(d, e); }
@@ -93,7 +97,8 @@ protected:
       if constexpr (is_free<S>()) { return; }  // Wᵀ Sᵀ = 1: p is zero but for roundings
       if (node.inlet < 0) { return; }
       unrolled<6>([&](auto c) __attribute__((always_inline)) {
-        for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
+        for_each_velocity<n_i, Scalar>([&](auto d)
+                                           __attribute__((always_inline)) { p[c] -= tau[d] * state.W.coeff(d, c); });
       });
     }
     if (is_free<S>() || node.inlet < 0) { return; }
@@ -182,14 +187,16 @@ protected:
       unrolled<6>([&](auto c) __attribute__((always_inline)) {
         Lane sum = y[c];
         if constexpr (c < 3 ? S::pattern.linear : S::pattern.angular) {
-          for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
+          for_each_velocity<n_i, Scalar>(
+              [&](auto d) __attribute__((always_inline)) { sum += qdd[d] * state.S_k[k].coeff(c, d); });
         }
         Vdot[c] = sum;
       });
     });
   }
 
-  /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_ (free_root.hpp).
+  /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_
+  /// (free_root.hpp).
   template <class S>
   void move_free(const RootInertia<Scalar>& inertia, const Node& node, const NodeMemory<S>& state, Six& p)
   {
@@ -245,15 +252,17 @@ public:
   {
     const typename Workspace::Data& data = ws;
     return this->compute(data, Bhat, [&] {
-      ws.tree().inward([&]<class S>(const Node& node, const S&) { this->inward(node, ws.template node<S>(node), data); });
-      ws.tree().outward([&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
+      ws.tree().inward(
+          [&]<class S>(const Node& node, const S&) { this->inward(node, ws.template node<S>(node), data); });
+      ws.tree().outward(
+          [&]<class S>(const Node& node, const S&) { this->outward(node, ws.template node<S>(node), data); });
     });
   }
 };
 
-/// Columns of B̂ by sweeps of as many lanes as pay: those of a vector register, or of two where more columns are active. A step
-/// waits for the one before it, and with two registers computes meanwhile (48 inputs on a chain of 200: 0.60 of the time with
-/// AVX-512, 0.66 with AVX2, 0.61 with SSE2; but 7, 20 and 18 % more for one input).
+/// Columns of B̂ by sweeps of as many lanes as pay: those of a vector register, or of two where more columns are active.
+/// A step waits for the one before it, and with two registers computes meanwhile (48 inputs on a chain of 200: 0.60 of
+/// the time with AVX-512, 0.66 with AVX2, 0.61 with SSE2; but 7, 20 and 18 % more for one input).
 template <class Tree>
 class Sweeps {
   static constexpr int lanes = register_lanes<typename Tree::Scalar>;

@@ -26,8 +26,9 @@ class SweepColumns {
 protected:
   [[gnu::cold]] SweepColumns(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
-        applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0), along_(applied_.size(), zero()),
-        rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest), unit_rows_(tree)
+        applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0),
+        along_(applied_.size(), zero()), rows_(static_cast<std::size_t>(tree.n_v())),
+        reach_(static_cast<std::size_t>(tree.size()), at_rest), unit_rows_(tree)
   {
     for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
@@ -42,7 +43,10 @@ protected:
     carried,  ///< moves with its parent
     acted     ///< lies between an input and the world
   };
-  enum Load : char { by_input = 1, by_child = 2 };  ///< where a wrench on a frame comes from: a sum of these, 0 without one
+  enum Load : char {
+    by_input = 1,
+    by_child = 2
+  };  ///< where a wrench on a frame comes from: a sum of these, 0 without one
 
   static Lane zero()
   {
@@ -126,7 +130,8 @@ protected:
   template <class Workspace>
   void act(const Workspace& ws, const Input<Scalar>& input, Index j, int lane)
   {
-    for (Index i = input.subsystem; i >= 0 && reach_[at(i)] != acted; i = own_[at(i)].free ? -1 : tree_->node(i).parent) {
+    for (Index i = input.subsystem; i >= 0 && reach_[at(i)] != acted;
+         i = own_[at(i)].free ? -1 : tree_->node(i).parent) {
       const Node& node = tree_->node(i);
       reach_[at(i)] = acted;
       if constexpr (Workspace::update == Update::square_root) { along_[at(node.frame)] = zero(); }
@@ -152,7 +157,8 @@ protected:
     }
   }
 
-  /// Takes from the wrench of an input on a heavy frame what its body's rows carry, and notes what each joint gets of it.
+  /// Takes from the wrench of an input on a heavy frame what its body's rows carry, and notes what each joint gets of
+  /// it.
   template <class Workspace>
   void share(const Workspace& ws, const Input<Scalar>& input, Vector6<Scalar>& w, int lane)
   {
@@ -160,13 +166,15 @@ protected:
     const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), w);
     for (Index i = input.subsystem; i >= 0; i = tree_->node(i).parent) {
       const Node& node = tree_->node(i);
-      for (int d = 0; d < own_[at(i)].velocities; ++d) { entry(shares_[at(node.v + d)], lane) = unit_rows_.share(node.path_v + d, z); }
+      for (int d = 0; d < own_[at(i)].velocities; ++d) {
+        entry(shares_[at(node.v + d)], lane) = unit_rows_.share(node.path_v + d, z);
+      }
     }
     shared_ = true;
   }
 
-  /// rows_ to `count` columns of B̂, a square of a register's side at a time: 14 % less for a chain of 1000 with all joints
-  /// driven than number by number, and B̂ is not read again to see whether it is finite.
+  /// rows_ to `count` columns of B̂, a square of a register's side at a time: 14 % less for a chain of 1000 with all
+  /// joints driven than number by number, and B̂ is not read again to see whether it is finite.
   template <class Matrix>
   void write(const std::array<Index, width>& columns, int count, Matrix& Bhat, Lane& check) const
   {
@@ -203,19 +211,20 @@ protected:
 
   const TreeData<Scalar>* tree_;
   SortedInputs<Scalar> sorted_;
-  // Of a frame, inward p_k that its children hand on, outward V̇_k; apart from S q̈ in square-root form. Memory that lives
-  // from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven, takes 20 % less.
+  // Of a frame, inward p_k that its children hand on, outward V̇_k; apart from S q̈ in square-root form. Memory that
+  // lives from a frame's own step to its last child's is little and stays in cache: a chain of 1000, all joints driven,
+  // takes 20 % less.
   FrameBuffers buffers_;
   Array<Six> moving_;
   Array<Six> applied_;  // to a frame by inputs; of a free one in square-root form its motion, till the outward loop
   Array<char> loads_;   // of a frame, of type Load
-  Array<Lane> along_;  // in square-root form: inward Sᵀ p, outward q̈ along S
-  Array<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
+  Array<Lane> along_;   // in square-root form: inward Sᵀ p, outward q̈ along S
+  Array<Lane> rows_;    // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   Array<Reach> reach_;
   Array<Own> own_;
   UnitRows<Scalar> unit_rows_;
-  Array<Lane> shares_;  // of a unit force on a heavy body: z₁ of the velocity
-  bool shared_ = false;       // whether some are not zero
+  Array<Lane> shares_;   // of a unit force on a heavy body: z₁ of the velocity
+  bool shared_ = false;  // whether some are not zero
 };
 
 }  // namespace iim::detail

@@ -44,8 +44,8 @@ template <class Scalar>
 struct Task {
   TaskKind kind;
   std::string name;
-  Index size;        ///< number of rows
-  Index frame = -1;  ///< that carries it (point, frame)
+  Index size;                                       ///< number of rows
+  Index frame = -1;                                 ///< that carries it (point, frame)
   Vector3<Scalar> point = Vector3<Scalar>::Zero();  ///< in that frame [m] (point, frame)
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();  ///< axes of a named frame on that frame (point, frame)
   Axes axes = Axes::world;
@@ -59,10 +59,10 @@ template <class Scalar>
 struct TaskRows {
   using Rows = Eigen::Map<const MatrixX<Scalar>, 0, Eigen::OuterStride<>>;
 
-  Rows J;                                      ///< J_t, rows × n_v: V_t = J q̇
-  Eigen::Map<const VectorX<Scalar>> Jdot_qd;   ///< J̇_t q̇
-  Rows JB;                                     ///< J_t B̂, rows × m
-  Eigen::Map<const VectorX<Scalar>> Vdot0;     ///< V̇_t0
+  Rows J;                                     ///< J_t, rows × n_v: V_t = J q̇
+  Eigen::Map<const VectorX<Scalar>> Jdot_qd;  ///< J̇_t q̇
+  Rows JB;                                    ///< J_t B̂, rows × m
+  Eigen::Map<const VectorX<Scalar>> Vdot0;    ///< V̇_t0
   Status status;
   Index subsystem;  ///< that status is about; −1: none
 
@@ -70,7 +70,8 @@ struct TaskRows {
 };
 
 /// The tasks of a tree, block by block in the order of adding. Set-up may allocate and throw ModelError; evaluating and
-/// set_active do neither. Refers to the tree and the inputs. `scene`: that of the forward_dynamics whose receipts it gets.
+/// set_active do neither. Refers to the tree and the inputs. `scene`: that of the forward_dynamics whose receipts it
+/// gets.
 template <class Tree, Scene scene = Scene{}>
 class Tasks {
 public:
@@ -78,19 +79,24 @@ public:
   using Id = Index;  ///< number of a block, in the order of adding
 
   /// With room for J_t B̂ of these inputs.
-  Tasks(const Tree& tree, const Inputs<Tree>& inputs) : tree_(&tree), inputs_(&inputs), centroidal_(tree) { inputs.max_columns_on(tree); }
+  Tasks(const Tree& tree, const Inputs<Tree>& inputs) : tree_(&tree), inputs_(&inputs), centroidal_(tree)
+  {
+    inputs.max_columns_on(tree);
+  }
   Tasks(const Tree&&, const Inputs<Tree>&) = delete;
   Tasks(const Tree&, const Inputs<Tree>&&) = delete;
 
   /// Velocity of a point of a named frame, 3 rows. Throws ModelError if there is no such frame or the world carries it.
   /// Axes::body: the same vectors, resolved in the axes that the frame has at this instant.
-  Id add_point(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  Id add_point(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
+               Axes axes = Axes::world)
   {
     return append(on_frame(TaskKind::point, 3, frame, point, axes));
   }
 
   /// Velocity of a point of a named frame and the frame's angular velocity, 6 rows; otherwise as add_point.
-  Id add_frame(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(), Axes axes = Axes::world)
+  Id add_frame(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
+               Axes axes = Axes::world)
   {
     return append(on_frame(TaskKind::frame, 6, frame, point, axes));
   }
@@ -98,7 +104,8 @@ public:
   /// Velocity of the centre of mass of all bodies in the tree, 3 rows. Throws ModelError if there are none.
   Id add_com() { return append(of_all(TaskKind::com, 3, "centre of mass")); }
 
-  /// Momentum of all bodies in the tree (linear, angular about their centre of mass), 6 rows: J = A_G. Throws as add_com.
+  /// Momentum of all bodies in the tree (linear, angular about their centre of mass), 6 rows: J = A_G. Throws as
+  /// add_com.
   Id add_momentum() { return append(of_all(TaskKind::momentum, 6, "momentum")); }
 
   /// Switches a block of rows on or off. Rows of inactive blocks do not exist: those below them move up.
@@ -126,7 +133,8 @@ public:
     return block(id).active ? row : -1;
   }
 
-  /// Where an active block was at the last evaluation: its point in the world, and the axes of its frame (point, frame).
+  /// Where an active block was at the last evaluation: its point in the world, and the axes of its frame (point,
+  /// frame).
   const Placement<Scalar>& placement(Id id) const { return placements_[static_cast<std::size_t>(id)]; }
 
   /// All of (3). `affine`: from the same receipt, by any method.
@@ -161,7 +169,8 @@ private:
 
   static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
-  Task<Scalar> on_frame(TaskKind kind, Index size, const std::string& name, const Vector3<Scalar>& point, Axes axes) const
+  Task<Scalar> on_frame(TaskKind kind, Index size, const std::string& name, const Vector3<Scalar>& point,
+                        Axes axes) const
   {
     const FrameReference<Scalar>& frame = tree_->frame(name);
     if (frame.frame < 0) { throw ModelError("frame '" + name + "' is fixed to the world: it cannot have a task"); }
@@ -302,7 +311,8 @@ private:
       if (axes == nullptr) {
         target[i] = V(i);
       } else {
-        target[i] = (*axes)(0, i - first) * V(first) + (*axes)(1, i - first) * V(first + 1) + (*axes)(2, i - first) * V(first + 2);
+        target[i] = (*axes)(0, i - first) * V(first) + (*axes)(1, i - first) * V(first + 1) +
+                    (*axes)(2, i - first) * V(first + 2);
       }
     }
   }
@@ -327,7 +337,9 @@ private:
   {
     const Index m = Bhat.cols();
     Index j = 0;
-    for (; j + tile <= m; j += tile) { multiply_tile<tile>(Bhat.data() + j * Bhat.outerStride(), Bhat.outerStride(), j); }
+    for (; j + tile <= m; j += tile) {
+      multiply_tile<tile>(Bhat.data() + j * Bhat.outerStride(), Bhat.outerStride(), j);
+    }
     for (; j < m; ++j) { multiply_tile<1>(Bhat.data() + j * Bhat.outerStride(), Bhat.outerStride(), j); }
   }
 
@@ -362,9 +374,12 @@ private:
       Vdot0_.setConstant(nan);
     }
     using Stride = Eigen::OuterStride<>;
-    return {{J_.data(), rows_, J_.cols(), Stride(J_.rows())}, {Jdot_qd_.data(), rows_},
-            {JB_.data(), rows_, m, Stride(JB_.rows())},       {Vdot0_.data(), rows_},
-            status,                                           subsystem};
+    return {{J_.data(), rows_, J_.cols(), Stride(J_.rows())},
+            {Jdot_qd_.data(), rows_},
+            {JB_.data(), rows_, m, Stride(JB_.rows())},
+            {Vdot0_.data(), rows_},
+            status,
+            subsystem};
   }
 
   const Tree* tree_;
@@ -378,7 +393,7 @@ private:
   MatrixX<Scalar> JB_;  // padded rows × columns
   VectorX<Scalar> Jdot_qd_, Vdot0_;
   detail::Array<detail::Array<Index>> used_;  // per `lanes` rows of J: its columns that are not zero, ascending
-  detail::Array<char> marked_;              // per column; all zero between calls
+  detail::Array<char> marked_;                // per column; all zero between calls
 };
 
 template <class Tree>

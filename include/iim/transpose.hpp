@@ -10,16 +10,16 @@
 
 namespace iim::detail {
 
-/// side × side numbers, row r at from(r), to columns, column c at to(c): bit by bit of the indices, rows r and r + step exchange
-/// lanes.
+/// side × side numbers, row r at from(r), to columns, column c at to(c): bit by bit of the indices, rows r and r + step
+/// exchange lanes.
 template <class Scalar, int side, class From, class To>
 [[gnu::always_inline]] inline void transpose(From&& from, To&& to)
 {
   using Vector = typename VectorOf<Scalar, side>::Type;
   Vector rows[side];
   unrolled<side>([&](auto r) __attribute__((always_inline)) { std::memcpy(&rows[r], from(r), sizeof(Vector)); });
-  const auto exchange = [&]<int step, int... k>(std::integral_constant<int, step>, std::integer_sequence<int, k...>)
-                            __attribute__((always_inline)) {
+  const auto exchange = [&]<int step, int... k>(std::integral_constant<int, step>,
+                                                std::integer_sequence<int, k...>) __attribute__((always_inline)) {
     unrolled<side>([&](auto r) __attribute__((always_inline)) {
       if constexpr ((r & step) == 0) {
         const Vector upper = rows[r], lower = rows[r + step];

@@ -2,7 +2,8 @@
 //
 // The recursions know neither: they are written once, against `outward` (parents before children), `inward` (children
 // before parents) and a node that says where a subsystem's numbers are. Nodes are numbers in a static tree, too: as
-// constants they made a function of every node, which the instruction cache does not hold (biped, pass: 1.3 times as long).
+// constants they made a function of every node, which the instruction cache does not hold (biped, pass: 1.3 times as
+// long).
 #pragma once
 
 #include <iim/array.hpp>
@@ -41,7 +42,9 @@ public:
   template <template <class> class Data>
   class Storage {
   public:
-    explicit Storage(const DynamicTree& tree) : data_(detail::Array<Data<S>>(tree.template subsystems<S>().size())...) {}
+    explicit Storage(const DynamicTree& tree) : data_(detail::Array<Data<S>>(tree.template subsystems<S>().size())...)
+    {
+    }
     template <class T>
     Data<T>& at(const Node& node)
     {
@@ -71,8 +74,8 @@ public:
     for (auto node = this->nodes_.rbegin(); node != this->nodes_.rend(); ++node) { dispatch(*node, f); }
   }
 
-  /// The same, the deepest first. What comes next is then of another limb and need not wait for what comes before (pass of a biped
-  /// 6 % less).
+  /// The same, the deepest first. What comes next is then of another limb and need not wait for what comes before (pass
+  /// of a biped 6 % less).
   template <class F>
   void inward_abreast(F&& f) const
   {
@@ -102,7 +105,8 @@ public:
   }
 
 private:
-  [[gnu::cold]] DynamicTree(const Parts& assembly, const std::vector<typename Parts::NamedPart>& parts) : Base(assembly, parts)
+  [[gnu::cold]] DynamicTree(const Parts& assembly, const std::vector<typename Parts::NamedPart>& parts)
+      : Base(assembly, parts)
   {
     for (std::size_t k = 0; k < parts.size(); ++k) {
       Node& node = this->nodes_[k];
@@ -188,9 +192,9 @@ class StaticTree : public detail::TreeData<typename std::tuple_element_t<0, std:
   struct Nothing {};
   /// All of one type stand where it is first.
   template <template <class> class Data, std::size_t... I>
-  static std::tuple<std::conditional_t<first_of<typename Nodes::Subsystem>() == I,
-                                       std::array<Data<typename Nodes::Subsystem>, count_of<typename Nodes::Subsystem>()>,
-                                       Nothing>...>
+  static std::tuple<std::conditional_t<
+      first_of<typename Nodes::Subsystem>() == I,
+      std::array<Data<typename Nodes::Subsystem>, count_of<typename Nodes::Subsystem>()>, Nothing>...>
       of_all_types(std::index_sequence<I...>);
 
 public:
@@ -272,9 +276,7 @@ private:
       throw ModelError("the assembly has " + std::to_string(this->size()) + " subsystems, the StaticTree " +
                        std::to_string(n_nodes));
     }
-    [&]<std::size_t... I>(std::index_sequence<I...>) {
-      (take<I>(parts[I]), ...);
-    }(std::index_sequence_for<Nodes...>{});
+    [&]<std::size_t... I>(std::index_sequence<I...>) { (take<I>(parts[I]), ...); }(std::index_sequence_for<Nodes...>{});
   }
 
   template <std::size_t I, class Part>
@@ -299,9 +301,10 @@ private:
 namespace detail {
 template <class T>
 concept IsTree = requires { typename T::Scalar; } && std::derived_from<T, TreeData<typename T::Scalar>>;
-}
+}  // namespace detail
 
-/// Coordinates of the tree at which all its subsystems are in their reference positions: zeros and unit quaternions. Allocates.
+/// Coordinates of the tree at which all its subsystems are in their reference positions: zeros and unit quaternions.
+/// Allocates.
 template <detail::IsTree Tree>
 VectorX<typename Tree::Scalar> neutral(const Tree& tree)
 {
@@ -310,10 +313,12 @@ VectorX<typename Tree::Scalar> neutral(const Tree& tree)
   return q;
 }
 
-/// rate = dq/dt at the coordinates q (n_q) for the velocities q̇ (n_v): what an integrator adds up. q̇ itself but for types like a
-/// floating base, whose quaternion it turns; of that no step keeps the length, which the integrator must divide out again.
+/// rate = dq/dt at the coordinates q (n_q) for the velocities q̇ (n_v): what an integrator adds up. q̇ itself but for
+/// types like a floating base, whose quaternion it turns; of that no step keeps the length, which the integrator must
+/// divide out again.
 template <detail::IsTree Tree, class Q, class V, class Rate>
-void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Eigen::MatrixBase<Rate>& rate)
+void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                     Eigen::MatrixBase<Rate>& rate)
 {
   tree.outward([&]<class S>(const Node& node, const S& s) {
     const detail::Coordinates<S> own = q.template segment<S::n_q>(node.q);

@@ -104,7 +104,8 @@ public:
 
 protected:
   template <class AssemblyType>
-  [[gnu::cold]] explicit TreeData(const AssemblyType& assembly, const std::vector<typename AssemblyType::NamedPart>& parts)
+  [[gnu::cold]] explicit TreeData(const AssemblyType& assembly,
+                                  const std::vector<typename AssemblyType::NamedPart>& parts)
       : gravity_(assembly.gravity())
   {
     for (const auto& part : parts) {
@@ -113,7 +114,8 @@ protected:
             append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
             for (const CarriedBody<Scalar>& carried : s.bodies()) {
               if (follows_frame<S>() && carried.frame < 0) {
-                throw ModelError("subsystem '" + part.name + "': a body on the inlet does not follow the frame (about_frame)");
+                throw ModelError("subsystem '" + part.name +
+                                 "': a body on the inlet does not follow the frame (about_frame)");
               }
               carry(carried);
             }
@@ -182,8 +184,9 @@ private:
     named_frames_[part.name] = {node.index, node.frame, {}};
   }
 
-  /// A rotation without what its own roundings are larger than: of a quarter turn 6e-17 is left of cos π/2, in float a subnormal
-  /// number where two of these meet, which takes a hundred times as long (pass of a quadruped in float: half the time without).
+  /// A rotation without what its own roundings are larger than: of a quarter turn 6e-17 is left of cos π/2, in float a
+  /// subnormal number where two of these meet, which takes a hundred times as long (pass of a quadruped in float: half
+  /// the time without).
   [[gnu::cold]] static Matrix3<Scalar> without_noise(Matrix3<Scalar> R)
   {
     using std::abs;
@@ -200,8 +203,9 @@ private:
   {
     // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
     validate_inertia(carried.body, "subsystem '" + names_.back() + "'");
-    FrameMass<Scalar>& mass = carried.frame < 0 ? inlet_mass_.back()
-                                                : frame_mass_[static_cast<std::size_t>(nodes_.back().frame + carried.frame)];
+    FrameMass<Scalar>& mass = carried.frame < 0
+                                  ? inlet_mass_.back()
+                                  : frame_mass_[static_cast<std::size_t>(nodes_.back().frame + carried.frame)];
     mass.add(carried.body);
   }
 
@@ -222,7 +226,9 @@ private:
     for (const Index depth : depth_) { ++end[static_cast<std::size_t>(depth)]; }
     for (std::size_t depth = end.size(); depth-- > 1;) { end[depth - 1] += end[depth]; }
     deepest_first_.resize(depth_.size());
-    for (Index i = 0; i < size(); ++i) { deepest_first_[static_cast<std::size_t>(--end[static_cast<std::size_t>(depth(i))])] = i; }
+    for (Index i = 0; i < size(); ++i) {
+      deepest_first_[static_cast<std::size_t>(--end[static_cast<std::size_t>(depth(i))])] = i;
+    }
   }
 
   static std::uint64_t next_id()

@@ -14,8 +14,8 @@
 
 namespace iim::detail {
 
-/// Whether three numbers of this type lie in one register, with a fourth, zero. (Where four doubles need two registers, the
-/// O(n) pass takes 2.7 times as long with them as with single numbers.)
+/// Whether three numbers of this type lie in one register, with a fourth, zero. (Where four doubles need two registers,
+/// the O(n) pass takes 2.7 times as long with them as with single numbers.)
 template <class Scalar>
 inline constexpr bool three_in_register = false;
 #if defined(__AVX2__)
@@ -102,7 +102,8 @@ template <class Scalar>
 class Triple<Scalar> {
   using Vector [[gnu::vector_size(4 * sizeof(Scalar))]] = Scalar;
   using Half [[gnu::vector_size(2 * sizeof(Scalar))]] = Scalar;
-  /// What it is stored as; unlike bytes, not to be taken for other than Scalars (kinematics of a joint: 5 of 204 instructions).
+  /// What it is stored as; unlike bytes, not to be taken for other than Scalars (kinematics of a joint: 5 of 204
+  /// instructions).
   using HalfInMemory [[gnu::vector_size(2 * sizeof(Scalar)), gnu::aligned(sizeof(Scalar))]] = Scalar;
 
 public:
@@ -121,8 +122,8 @@ public:
     const Half last{x[2], Scalar(0)};
     v_ = __builtin_shufflevector(first, last, 0, 1, 2, 3);
   }
-  /// The same for numbers that were written some time ago, where x[3], or x[-1], may be read, too: one instruction instead of
-  /// three, but a load of four numbers waits until stores of fewer have left the core.
+  /// The same for numbers that were written some time ago, where x[3], or x[-1], may be read, too: one instruction
+  /// instead of three, but a load of four numbers waits until stores of fewer have left the core.
   [[gnu::always_inline]] static Triple settled(const Scalar* x)
   {
     Vector four;
@@ -179,10 +180,7 @@ public:
     return of(a.v_ * all.v_);
   }
   [[gnu::always_inline]] friend Triple operator*(const Triple& a, Scalar s) { return a * all(s); }
-  [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b)
-  {
-    return sum(a * b);
-  }
+  [[gnu::always_inline]] friend Scalar dot(const Triple& a, const Triple& b) { return sum(a * b); }
   [[gnu::always_inline]] friend Scalar sum(const Triple& a)
   {
 #if defined(__AVX2__)
@@ -198,16 +196,14 @@ public:
   {
     return (a * b.turned() - a.turned() * b).turned();
   }
-  [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b)
-  {
-    return of(a.v_ > b.v_ ? a.v_ : b.v_);
-  }
+  [[gnu::always_inline]] friend Triple max(const Triple& a, const Triple& b) { return of(a.v_ > b.v_ ? a.v_ : b.v_); }
   [[gnu::always_inline]] Triple turned() const { return of(__builtin_shufflevector(v_, v_, 1, 2, 0, 3)); }
 
   /// The transpose of the columns a, b, c.
   [[gnu::always_inline]] friend void transpose(const Triple& a, const Triple& b, const Triple& c, Triple* row)
   {
-    const Vector even = __builtin_shufflevector(a.v_, b.v_, 0, 4, 2, 6), odd = __builtin_shufflevector(a.v_, b.v_, 1, 5, 3, 7);
+    const Vector even = __builtin_shufflevector(a.v_, b.v_, 0, 4, 2, 6),
+                 odd = __builtin_shufflevector(a.v_, b.v_, 1, 5, 3, 7);
     row[0] = of(__builtin_shufflevector(even, c.v_, 0, 1, 4, 7));
     row[1] = of(__builtin_shufflevector(odd, c.v_, 0, 1, 5, 7));
     row[2] = of(__builtin_shufflevector(even, c.v_, 2, 3, 6, 7));

@@ -10,7 +10,8 @@
 
 namespace iim::detail {
 
-/// What a subsystem with one frame reads and writes in its step, whatever its type: one with at most one velocity, or a free one.
+/// What a subsystem with one frame reads and writes in its step, whatever its type: one with at most one velocity, or a
+/// free one.
 template <class Scalar>
 struct StepData {
   Matrix3<Scalar>& R;
@@ -24,16 +25,16 @@ struct StepData {
 
   template <class Type>
   explicit StepData(NodeMemory<Type>& state)
-      : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()), n_i(Type::n_i),
-        n_results(Type::is_free ? 0 : n_i)
+      : R(state.R), r(state.r), c(state.c), S(state.S_k[0].data()), U(state.U.data()), W(state.W.data()),
+        n_i(Type::n_i), n_results(Type::is_free ? 0 : n_i)
   {
   }
 };
 template <class Type>
 StepData(NodeMemory<Type>&) -> StepData<typename Type::Scalar>;
 
-/// Around the step of a subsystem while any axes are turned: what it reads turns into its own, what it has handed on turns
-/// into those of its inlet, and all but A and h returns to the world's.
+/// Around the step of a subsystem while any axes are turned: what it reads turns into its own, what it has handed on
+/// turns into those of its inlet, and all but A and h returns to the world's.
 template <class Workspace>
 class TurnedStep {
   using Scalar = typename Workspace::Scalar;

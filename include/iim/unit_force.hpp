@@ -26,7 +26,8 @@ public:
   using Scalar = typename Tree::Scalar;
 
   UnitForcePublished(const Tree& tree, const Inputs<Tree>& inputs)
-      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns_on(tree)), result_(tree.n_v(), inputs.max_columns())
+      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns_on(tree)),
+        result_(tree.n_v(), inputs.max_columns())
   {
     unit_.setZero();
   }
@@ -60,7 +61,8 @@ private:
     auto Bhat = result_.Bhat(m);
     for (Index i = 0; i < m; ++i) {
       unit_(i) = Scalar(1);
-      const auto with = detail::run_pass<scene>(q.derived(), qd.derived(), Scalar(fd.step()), *inputs_, unit_.head(m), workspace_);
+      const auto with =
+          detail::run_pass<scene>(q.derived(), qd.derived(), Scalar(fd.step()), *inputs_, unit_.head(m), workspace_);
       unit_(i) = Scalar(0);
       if (!with.ok()) { return result_.result(m, with.status, with.subsystem); }
       Bhat.col(i) = with.qdd - result_.qdd0();
@@ -75,8 +77,8 @@ private:
 };
 
 /// B̂ and q̈₀ by unit forces on the workspace of the O(n) pass: per input a bias pass along its path to the world and an
-/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other, 0: as many as
-/// pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
+/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other, 0: as
+/// many as pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
 template <class Tree, int width = 0>
 class UnitForce {
 public:

@@ -1,10 +1,11 @@
 // Unit forces on a body that is far heavier than what carries it, in square-root form.
 //
-// The columns of B̂ that a force on such a body has are small, and Hᵀ w or Sᵀ p would give them as small differences of what
-// light bodies do. As z of the body's own rows, N_bᵀ z = w, the force goes through Q like any other z, whose
-// part z₁ in the rows that a subsystem eliminates is its share of β (31), (50): q̈ = T⁻¹ z₁ − W y. For this Q is kept
-// (row_tape.hpp) where something heavy lies outward, and done again on unit columns. A wrench on a load of 10⁶ kg at links of
-// 1 kg: 2 ε, without this 2e4. The pass of an arm of seven takes 6 % longer with such a load, and the wrench 2 µs.
+// The columns of B̂ that a force on such a body has are small, and Hᵀ w or Sᵀ p would give them as small differences of
+// what light bodies do. As z of the body's own rows, N_bᵀ z = w, the force goes through Q like any other z, whose part
+// z₁ in the rows that a subsystem eliminates is its share of β (31), (50): q̈ = T⁻¹ z₁ − W y. For this Q is kept
+// (row_tape.hpp) where something heavy lies outward, and done again on unit columns. A wrench on a load of 10⁶ kg at
+// links of 1 kg: 2 ε, without this 2e4. The pass of an arm of seven takes 6 % longer with such a load, and the wrench 2
+// µs.
 #pragma once
 
 #include <iim/array.hpp>
@@ -34,13 +35,15 @@ public:
       const Index end = i + 1 < tree.size() ? tree.node(i + 1).frame : tree.n_frames();
       frames = std::max(frames, end - tree.node(i).frame);
     }
-    row_.resize(static_cast<std::size_t>((RootInertia<Scalar>::most + 6) * (frames + 2) + 2 * RootInertia<Scalar>::most_within + 12));
+    row_.resize(static_cast<std::size_t>((RootInertia<Scalar>::most + 6) * (frames + 2) +
+                                         2 * RootInertia<Scalar>::most_within + 12));
     spare_ = row_;
   }
 
   bool are_needed() const { return !z_1_.empty(); }
 
-  /// z₁ of the subsystems on the path to a heavy frame, for 1 in each of the rows of its body. The workspace holds the pass.
+  /// z₁ of the subsystems on the path to a heavy frame, for 1 in each of the rows of its body. The workspace holds the
+  /// pass.
   template <class Workspace>
   void carry_inward(const Workspace& ws, Index frame)
   {
@@ -65,7 +68,8 @@ public:
       for (RootRow<Scalar>& n : row_) { n.setZero(); }
       std::copy_n(spare_.begin(), arrival.count, &at(arrival.to));
       for (Index k = 0; k < arrival.within; ++k) {
-        at(k == 0 ? arrival.within_first : arrival.within_next + k - 1) = spare_[static_cast<std::size_t>(arrival.count + k)];
+        at(k == 0 ? arrival.within_first : arrival.within_next + k - 1) =
+            spare_[static_cast<std::size_t>(arrival.count + k)];
       }
       position = arrival.position;
       frame = node.inlet;

@@ -28,7 +28,8 @@ namespace iim {
 ///
 /// Motors come from UrdfOptions::motors and from <transmission>: <mechanicalReduction> and, beside it, <rotorInertia>
 /// [kg m²] and <rotorAxis xyz> (joint axes), or Drake's <drake:gear_ratio value> and <drake:rotor_inertia value>. The
-/// input of a joint without motor is the generalised force on it. Axes are made unit vectors where they are that within 10⁻³.
+/// input of a joint without motor is the generalised force on it. Axes are made unit vectors where they are that within
+/// 10⁻³.
 template <class Scalar>
 UrdfRobot<Scalar> parse_urdf(const std::string& text, const UrdfOptions<Scalar>& options = {},
                              const std::string& name = "URDF text")

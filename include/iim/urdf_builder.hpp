@@ -188,8 +188,8 @@ private:
     return length > Scalar(0.999) && length < Scalar(1.001) ? Vector3<Scalar>(axis / length) : axis;
   }
 
-  /// A flawed inertia is forgiven where the merged body is sound, as it is in many files, a small link being on a large one; and
-  /// where no principal moment of it is negative.
+  /// A flawed inertia is forgiven where the merged body is sound, as it is in many files, a small link being on a large
+  /// one; and where no principal moment of it is negative.
   void take(Body<Scalar>& body, const urdf::Inertial& given, const std::string& link, const Seat& seat)
   {
     try {

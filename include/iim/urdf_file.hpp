@@ -89,8 +89,8 @@ inline std::string text_of(const Element& e)
   return text;
 }
 
-/// White space in attributes as XML and URDF mean it, tabs and line ends being blanks and those around numbers nothing: urdfdom
-/// takes only single blanks for it, and goes on without a link's inertia where it finds others.
+/// White space in attributes as XML and URDF mean it, tabs and line ends being blanks and those around numbers nothing:
+/// urdfdom takes only single blanks for it, and goes on without a link's inertia where it finds others.
 inline void straighten(Document& document)
 {
   std::vector<Element*> elements{document.RootElement()};
@@ -219,14 +219,18 @@ inline Source survey(const Element& robot, const std::string& name)
     const std::string item = source.at(row(e)) + kind + " '" + attribute(e, "name") + "'";
     if (kind == "link") {
       const auto [before, is_new] = source.links.emplace(attribute(e, "name"), row(e));
-      if (!is_new) { throw ModelError(item + ": there is a link of that name in line " + std::to_string(before->second)); }
+      if (!is_new) {
+        throw ModelError(item + ": there is a link of that name in line " + std::to_string(before->second));
+      }
       check_inertial(e, item);
       if (e.FirstChildElement("inertial") != nullptr) { source.with_inertia.insert(attribute(e, "name")); }
     }
     if (kind != "joint") { return; }
     const std::string joint = attribute(e, "name");
     const auto [before, is_new] = source.joints.emplace(joint, row(e));
-    if (!is_new) { throw ModelError(item + ": there is a joint of that name in line " + std::to_string(before->second)); }
+    if (!is_new) {
+      throw ModelError(item + ": there is a joint of that name in line " + std::to_string(before->second));
+    }
     const std::string type = attribute(e, "type");
     if (type == "planar") {
       throw ModelError(source.joint(joint) + ": planar joints are not supported; chain two prismatic and one revolute");
@@ -290,8 +294,8 @@ inline bool has_rotor(const Element& e)
   return found;
 }
 
-/// Adds the motor of one <transmission> to those by joint. One that names no joint of the robot or several, as differentials do, is
-/// left out with a warning: its joints are driven directly.
+/// Adds the motor of one <transmission> to those by joint. One that names no joint of the robot or several, as
+/// differentials do, is left out with a warning: its joints are driven directly.
 inline void read_transmission(const Element& e, const Source& source, std::map<std::string, Transmission>& motors,
                               std::vector<std::string>& warnings)
 {

@@ -32,7 +32,8 @@ struct UrdfMotor {
   template <class T>
   UrdfMotor<T> cast() const
   {
-    UrdfMotor<T> motor{T(gear_ratio), T(axial_inertia), {}, T(mass), com.template cast<T>(), T(transverse_inertia), armature};
+    UrdfMotor<T> motor{T(gear_ratio),          T(axial_inertia),      {},      T(mass),
+                       com.template cast<T>(), T(transverse_inertia), armature};
     if (axis) { motor.axis = axis->template cast<T>(); }
     return motor;
   }
@@ -64,7 +65,9 @@ struct UrdfOptions {
   {
     UrdfOptions<T> options{base, at.template cast<T>(), {}, transmissions, rotors_in_links, mimic, {}};
     for (const auto& [joint, motor] : motors) { options.motors.emplace(joint, motor.template cast<T>()); }
-    for (const auto& frame : frames) { options.frames.push_back({frame.name, frame.link, frame.at.template cast<T>()}); }
+    for (const auto& frame : frames) {
+      options.frames.push_back({frame.name, frame.link, frame.at.template cast<T>()});
+    }
     return options;
   }
 };
@@ -84,9 +87,9 @@ template <class Scalar>
 struct UrdfRobot {
   std::string name;
   StandardAssembly<Scalar> assembly;
-  std::vector<UrdfJoint> joints;      ///< in the order of the coordinates
-  /// Of urdfdom; transmissions that are left out; inertias that no link can have, where the merged body can or where no principal
-  /// moment is negative (Body::any_moments): they are kept as they are.
+  std::vector<UrdfJoint> joints;  ///< in the order of the coordinates
+  /// Of urdfdom; transmissions that are left out; inertias that no link can have, where the merged body can or where no
+  /// principal moment is negative (Body::any_moments): they are kept as they are.
   std::vector<std::string> warnings;
 
   auto tree() const { return DynamicTree(assembly); }

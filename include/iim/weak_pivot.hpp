@@ -1,32 +1,34 @@
 // Pivots that are small against the inertia that they stand in, in the projected form.
 //
-// Where thin parts lie along a joint's axis, as a wrist that is stretched along the forearm, D = Sᵀ A S is a difference of large
-// entries of A, and wrong by ‖A‖/D roundings; with D all that M⁻¹ says of this joint. By Gauss's principle D is also
+// Where thin parts lie along a joint's axis, as a wrist that is stretched along the forearm, D = Sᵀ A S is a difference
+// of large entries of A, and wrong by ‖A‖/D roundings; with D all that M⁻¹ says of this joint. By Gauss's principle D
+// is also
 //
 //     D = Σ_b a_bᵀ I_b a_b + Σ_r J_r (g_r a)²,        a: q̈_i = 1, and beyond it q̈_j = −W_j y_j
 //
-// over all bodies and rotors from the joint on, that is what the joint moves where the joints beyond it are free. Of all motions
-// beyond this is the least such sum, so that errors of W count by their squares only; it has no differences, and the moments of a
-// body meet the motion in its own axes.
+// over all bodies and rotors from the joint on, that is what the joint moves where the joints beyond it are free. Of
+// all motions beyond this is the least such sum, so that errors of W count by their squares only; it has no
+// differences, and the moments of a body meet the motion in its own axes.
 //
 // A' = PᵀA P would bring the roundings of A along S in again, times ‖W‖². As A' S = 0, it is taken across S alone:
 //
 //     A' = E (A − ½ (U W + Wᵀ Uᵀ)) E,        E = 1 − S Sᵀ
 //
-// however weak the pivot, if it does not count as zero: joints about one line with a light link between them lose what that link
-// is lighter by (10⁻³: 2500 ε of B̂, with this 3). It is for the first weak pivot on the way inward, and for those behind it along whose axis it has lost
-// nothing (roundings.hpp), as in joints about one line. In others the roundings of A, U and D hang together, and are better left
-// together (masses × 10 per link, 12 links: thirty times worse with this than without; B̂ of an arm under a load of 10⁶ kg a
-// thousand times better, but its q̈₀ twice as bad).
+// however weak the pivot, if it does not count as zero: joints about one line with a light link between them lose what
+// that link is lighter by (10⁻³: 2500 ε of B̂, with this 3). It is for the first weak pivot on the way inward, and for
+// those behind it along whose axis it has lost nothing (roundings.hpp), as in joints about one line. In others the
+// roundings of A, U and D hang together, and are better left together (masses × 10 per link, 12 links: thirty times
+// worse with this than without; B̂ of an arm under a load of 10⁶ kg a thousand times better, but its q̈₀ twice as bad).
 //
-// Measured (double, B̂, worst of 1000 random states in ε): an arm of six axes whose wrist is of light thin links 61, with this 15;
-// a robot with two arms of seven 27 and 9. Where a pivot's roundings would not be seen beside larger parts of M⁻¹ nothing is done:
-// of the robots tried two humanoids have such a pivot in half of their states, which take 5 % longer, a biped without gears in a
-// quarter, arms in up to one in six; chains and trees have none.
+// Measured (double, B̂, worst of 1000 random states in ε): an arm of six axes whose wrist is of light thin links 61,
+// with this 15; a robot with two arms of seven 27 and 9. Where a pivot's roundings would not be seen beside larger
+// parts of M⁻¹ nothing is done: of the robots tried two humanoids have such a pivot in half of their states, which take
+// 5 % longer, a biped without gears in a quarter, arms in up to one in six; chains and trees have none.
 //
-// Of a free base, where such a pivot is one of six, all of A⁻¹ = C Cᵀ is made right (mend_root): with a = C G = Cᵀ A C is 1 but for
-// what C is wrong by, and A⁻¹ = C G⁻¹ Cᵀ. (Of 3000 random chains on a free base like their links the error of B̂ is over 16 ε for
-// 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at most, 10⁸ without.)
+// Of a free base, where such a pivot is one of six, all of A⁻¹ = C Cᵀ is made right (mend_root): with a = C G = Cᵀ A C
+// is 1 but for what C is wrong by, and A⁻¹ = C G⁻¹ Cᵀ. (Of 3000 random chains on a free base like their links the error
+// of B̂ is over 16 ε for 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at most, 10⁸
+// without.)
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -46,8 +48,8 @@
 
 namespace iim::detail {
 
-/// Whether the steps of S do so: of a joint that moves one frame along one unit column, turning it or sliding, without springs of
-/// its own (an implicit step adds their inertia to D).
+/// Whether the steps of S do so: of a joint that moves one frame along one unit column, turning it or sliding, without
+/// springs of its own (an implicit step adds their inertia to D).
 template <class S, class Data>
 constexpr bool mends_pivots()
 {
@@ -63,17 +65,20 @@ Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
 {
   using Scalar = typename S::Scalar;
   Vector6<Scalar> column;
-  for (int i = 0; i < 6; ++i) { column(i) = (i < 3 ? S::pattern.linear : S::pattern.angular) ? state.S_k[0](i, 0) : Scalar(0); }
+  for (int i = 0; i < 6; ++i) {
+    column(i) = (i < 3 ? S::pattern.linear : S::pattern.angular) ? state.S_k[0](i, 0) : Scalar(0);
+  }
   return column;
 }
 
-/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: of all M̄_R⁻¹ of one velocity
-/// so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write to would not stay in registers.)
+/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: of all M̄_R⁻¹ of
+/// one velocity so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write to would
+/// not stay in registers.)
 template <class S, class Data>
-[[gnu::noinline]] typename S::Scalar mended_pivot(const Node& node, const NodeState<S>& state,
-                                  const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun,
-                                  const typename S::Scalar scale, const typename S::Scalar largest_inverse, bool springs, Data& ws,
-                                  const typename S::Scalar D)
+[[gnu::noinline]] typename S::Scalar mended_pivot(
+    const Node& node, const NodeState<S>& state,
+    const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun, const typename S::Scalar scale,
+    const typename S::Scalar largest_inverse, bool springs, Data& ws, const typename S::Scalar D)
 {
   using Scalar = typename S::Scalar;
   constexpr Index most_subsystems = 32;  // what is summed takes as long as the step of one joint for every two
@@ -97,7 +102,8 @@ template <class S, class Data>
 
 /// A −= a bᵀ + b aᵀ.
 template <class Scalar>
-[[gnu::always_inline]] inline void subtract_both(const TriplePair<Scalar>& a, const TriplePair<Scalar>& b, SpatialInertia<Scalar>& A)
+[[gnu::always_inline]] inline void subtract_both(const TriplePair<Scalar>& a, const TriplePair<Scalar>& b,
+                                                 SpatialInertia<Scalar>& A)
 {
   SixColumns<Scalar, 2> left, right;
   left[0] = right[1] = a;
@@ -107,8 +113,8 @@ template <class Scalar>
 
 /// A' of such a pivot.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S, TriplePair<Scalar> U,
-                                                TriplePair<Scalar> W)
+[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
+                                                TriplePair<Scalar> U, TriplePair<Scalar> W)
 {
   const TriplePair<Scalar> s(S.data());
   subtract_both(U, W * Scalar(0.5), A);
@@ -121,8 +127,8 @@ template <class Scalar>
 }
 
 /// C_T of a free base to C_T L⁻ᵀ, L Lᵀ = G, of the motions C = T C_T. By the roundings of A_T, ε·scale, and by those
-/// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it is: along the
-/// axis of the limb's first joint, where A_T is made of what is held, it is better than they are.
+/// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it
+/// is: along the axis of the limb's first joint, where A_T is made of what is held, it is better than they are.
 template <class Scalar, class Data>
 [[gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, const Matrix6<Scalar>& T,
                                  const Vector6<Scalar>& scale, const Vector6<Scalar>& size, bool springs, Data& ws,
@@ -159,7 +165,9 @@ template <class Scalar, class Data>
     for (int j = 0; j <= k; ++j) {
       Scalar of_A(0);
       for (int i = 0; i <= j; ++i) { of_A += abs(C_T(i, j) * C_T(i, k)) * scale(i); }
-      if (!(Scalar(4) * of_A > max(of_motions(j), of_motions(k)))) { G[static_cast<std::size_t>(k)][j] = Scalar(j == k ? 1 : 0); }
+      if (!(Scalar(4) * of_A > max(of_motions(j), of_motions(k)))) {
+        G[static_cast<std::size_t>(k)][j] = Scalar(j == k ? 1 : 0);
+      }
     }
   }
   Matrix6<Scalar> L;

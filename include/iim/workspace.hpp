@@ -21,9 +21,9 @@ namespace iim {
 
 namespace detail {
 
-/// What of a workspace depends on Scalar and update alone: all but what each type of subsystem keeps. The steps of the O(n)
-/// pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (with what else depends
-/// on Scalar alone: laws of three types in 31 % less time).
+/// What of a workspace depends on Scalar and update alone: all but what each type of subsystem keeps. The steps of the
+/// O(n) pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (with what
+/// else depends on Scalar alone: laws of three types in 31 % less time).
 template <class Scalar_, Update update_>
 class WorkspaceData {
 public:
@@ -51,15 +51,18 @@ public:
   detail::SharedAxis<Scalar>& shared_axis(Index i) { return shared_axis_[static_cast<std::size_t>(i)]; }
   const detail::SharedAxis<Scalar>& shared_axis(Index i) const { return shared_axis_[static_cast<std::size_t>(i)]; }
 
-  /// Whether inputs on frame f need what the pass did to its rows (unit_rows.hpp): its body is far heavier than one of those
-  /// that carry it.
+  /// Whether inputs on frame f need what the pass did to its rows (unit_rows.hpp): its body is far heavier than one of
+  /// those that carry it.
   bool is_heavy(Index f) const { return heavy_.is_heavy(f); }
 
-  /// What was done to the rows of subsystem i, after what was done to those on frame f; nullptr if nothing heavy lies there or
-  /// beyond.
+  /// What was done to the rows of subsystem i, after what was done to those on frame f; nullptr if nothing heavy lies
+  /// there or beyond.
   RowTape<Scalar>* tape(Index i) { return is_on(tapes_, i) ? &tapes_[static_cast<std::size_t>(i)] : nullptr; }
   const RowTape<Scalar>& tape(Index i) const { return tapes_[static_cast<std::size_t>(i)]; }
-  RowTape<Scalar>* frame_tape(Index f) { return is_on(frame_tapes_, f) ? &frame_tapes_[static_cast<std::size_t>(f)] : nullptr; }
+  RowTape<Scalar>* frame_tape(Index f)
+  {
+    return is_on(frame_tapes_, f) ? &frame_tapes_[static_cast<std::size_t>(f)] : nullptr;
+  }
   const RowTape<Scalar>& frame_tape(Index f) const { return frame_tapes_[static_cast<std::size_t>(f)]; }
   void clear_tapes()
   {
@@ -138,8 +141,8 @@ protected:
     }
   }
 
-  /// Gives each frame a place for its rows that no other needs at that time of the loop inward: what is in use stays in the fastest
-  /// memory, and a chain of any length has two.
+  /// Gives each frame a place for its rows that no other needs at that time of the loop inward: what is in use stays in
+  /// the fastest memory, and a chain of any length has two.
   [[gnu::cold]] void place_rows()
   {
     constexpr std::size_t none = static_cast<std::size_t>(-1);
@@ -239,7 +242,9 @@ public:
         state.S_k[static_cast<std::size_t>(k)].setZero();
         this->frame(node.frame + k).offset = detail::is_placed_off<S>();
       }
-      if constexpr (Data::update == Update::square_root && detail::is_free<S>()) { this->root(node.frame).is_free = true; }
+      if constexpr (Data::update == Update::square_root && detail::is_free<S>()) {
+        this->root(node.frame).is_free = true;
+      }
       if constexpr (detail::one_column<S, Data>) {
         this->root(node.frame).keeps_v = true;
         if constexpr (detail::has_own_twist<S>()) {
@@ -279,7 +284,8 @@ public:
     return nodes_.template at<S>(node);
   }
 
-  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace was copied or moved to. The pass calls it.
+  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace was copied or moved to. The pass
+  /// calls it.
   void find_bodies()
   {
     if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
@@ -315,7 +321,8 @@ private:
       } else if (node.inlet >= 0) {
         carried(node.parent) += carried(node.index);
         Index& heaviest = child[static_cast<std::size_t>(node.inlet)];
-        constexpr bool suits = Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>();
+        constexpr bool suits =
+            Data::update == Update::square_root ? detail::one_column<S, Data> : detail::turns_about_axis<S>();
         if constexpr (suits) {
           // Of equal ones the first, which comes last on the way inward.
           if (heaviest < 0 || !(carried(node.index) < carried(heaviest))) { heaviest = node.index; }

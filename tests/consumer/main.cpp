@@ -29,8 +29,8 @@ int main()
   const auto [qdd0, Bhat, status, subsystem] = method(iim::forward_dynamics(q, qd, workspace));
 
   const double inertia = m * l * l + k * k * J;
-  const double error = std::max(std::abs(qdd0(0) * inertia / (-m * g * l * std::sin(q0)) - 1),
-                                std::abs(Bhat(0, 0) * inertia / k - 1));
+  const double error =
+      std::max(std::abs(qdd0(0) * inertia / (-m * g * l * std::sin(q0)) - 1), std::abs(Bhat(0, 0) * inertia / k - 1));
   const bool no_options = OPTIONS_OF_IIM[0] == '\0';
   std::printf("iim %d.%d.%d: %s, relative error %.1e, options of the target: '%s'\n", iim::version_major,
               iim::version_minor, iim::version_patch, iim::to_string(status), error, OPTIONS_OF_IIM);

@@ -131,15 +131,13 @@ public:
       const std::size_t p = at(part.parent);
       r.T_star[i] = (Dense<T>::identity(part.size()) - r.M_star[i] * r.S[i]).transpose() * part.T_ip;  // (16)
       const Dense<T> T_starT = r.T_star[i].transpose();
-      r.M_star[p] += T_starT * r.M_star[i] * part.T_ip;                                                // (14)
-      r.h_star[p] += T_starT * (r.M_star[i] * (part.T_ip_dot * parts_[p].velocity) + r.h_star[i]);     // (15)
+      r.M_star[p] += T_starT * r.M_star[i] * part.T_ip;                                             // (14)
+      r.h_star[p] += T_starT * (r.M_star[i] * (part.T_ip_dot * parts_[p].velocity) + r.h_star[i]);  // (15)
     }
     for (std::size_t i = 0; i < N; ++i) {
       const Part<T>& part = parts_[i];
       Dense<T> guided(part.size());
-      if (part.parent >= 0) {
-        guided = part.T_ip * r.V_dot[at(part.parent)] + part.T_ip_dot * parent(part).velocity;
-      }
+      if (part.parent >= 0) { guided = part.T_ip * r.V_dot[at(part.parent)] + part.T_ip_dot * parent(part).velocity; }
       const Dense<T> qdd_i = -(r.MbarR_inv[i] * (part.F().transpose() * (r.M_star[i] * guided + r.h_star[i])));  // (18)
       r.qdd.set(part.v, 0, qdd_i);
       r.V_dot[i] = guided + part.F() * qdd_i;  // (19), Ḟ_i = 0
@@ -250,8 +248,9 @@ public:
       const Part<T>& part = parts_[i];
       const Index rows = n_v_ - part.v, below = n_V_ - part.V;
       const Dense<T> F_star_i = F_star.block(part.V, part.v, below, part.n_i());
-      Bhat.set(part.v, 0, Bhat.rows(part.v, rows) + Gamma_inv.block(part.v, part.v, rows, part.n_i()) * r.MbarR_inv[i] *
-                                                        F_star_i.transpose() * Bbar_.rows(part.V, below));
+      Bhat.set(part.v, 0,
+               Bhat.rows(part.v, rows) + Gamma_inv.block(part.v, part.v, rows, part.n_i()) * r.MbarR_inv[i] *
+                                             F_star_i.transpose() * Bbar_.rows(part.V, below));
     }
     return Bhat;
   }

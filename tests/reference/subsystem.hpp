@@ -35,9 +35,9 @@ Dense<T> normalised(const Vector3<T>& a)
 /// A point that the internal coordinates move, and axes fixed to the part that carries it; all in axes of frame i.
 template <class T>
 struct MovedPoint {
-  Dense<T> E, E_dot;          ///< axes of the part, and their derivative
-  Dense<T> r, r_dot;          ///< position from the coupling point, velocity relative to frame i
-  Dense<T> Jv, Jw;            ///< ∂v/∂q̇_i, ∂ω/∂q̇_i, 3 × n_i
+  Dense<T> E, E_dot;  ///< axes of the part, and their derivative
+  Dense<T> r, r_dot;  ///< position from the coupling point, velocity relative to frame i
+  Dense<T> Jv, Jw;    ///< ∂v/∂q̇_i, ∂ω/∂q̇_i, 3 × n_i
   Dense<T> Jv_dot, Jw_dot;
 
   /// The point x of frame i itself.

@@ -28,8 +28,8 @@ concept Mechanism =
       // Throws ModelError naming `owner` if the parameters are wrong.
       mutable_m.prepare(owner);
       // Optional: `n_u` and `Bbar(q)`, else the inputs are the generalised forces on q̇_i; `rotors()`;
-      // `internal_force(q, qd)`, `springs(q, qd)`, `potential(q)`, `dissipation(q, qd)`; `own_bodies()`, a std::array of CarriedBody
-      // beside those of the compound.
+      // `internal_force(q, qd)`, `springs(q, qd)`, `potential(q)`, `dissipation(q, qd)`; `own_bodies()`, a std::array
+      // of CarriedBody beside those of the compound.
     };
 
 namespace detail {
@@ -64,7 +64,8 @@ struct Compound {
   using Coordinates = Eigen::Matrix<Scalar, n_i, 1>;
 
   M mechanism{};
-  std::array<Body<Scalar>, static_cast<std::size_t>(n_frames)> body = nothing();  ///< of each frame; massless if not set
+  /// Of each frame; massless if not set.
+  std::array<Body<Scalar>, static_cast<std::size_t>(n_frames)> body = nothing();
 
   void prepare(const std::string& name)
   {
@@ -176,7 +177,8 @@ struct HingeRow {
     }
   }
 
-  bool place(const std::array<Dependent<Scalar, n>, count>& q, std::array<RelativeMotion<Scalar, n>, count>& frames) const
+  bool place(const std::array<Dependent<Scalar, n>, count>& q,
+             std::array<RelativeMotion<Scalar, n>, count>& frames) const
   {
     frames[0] = RelativeMotion<Scalar, n>{}.turned(axis[0], q[0]);
     for (std::size_t k = 1; k < count; ++k) { frames[k] = frames[k - 1].at(offset[k]).turned(axis[k], q[k]); }
@@ -203,8 +205,10 @@ private:
   }
 };
 
-template <class Scalar> using PanTilt = Compound<HingeRow<Scalar, 2>>;
-template <class Scalar> using Wrist = Compound<HingeRow<Scalar, 3>>;
+template <class Scalar>
+using PanTilt = Compound<HingeRow<Scalar, 2>>;
+template <class Scalar>
+using Wrist = Compound<HingeRow<Scalar, 3>>;
 
 static_assert(Subsystem<PanTilt<double>>);
 

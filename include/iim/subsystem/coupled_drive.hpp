@@ -63,7 +63,8 @@ struct Driven : M {
       Body<Scalar> rotor = Body<Scalar>::massless();
       if (motor[j].mass > Scalar(0)) {
         const Matrix3<Scalar> along = motor[j].axis * motor[j].axis.transpose();
-        rotor = {motor[j].mass, motor[j].com, motor[j].transverse_inertia * (Matrix3<Scalar>::Identity() - along), false};
+        rotor = {motor[j].mass, motor[j].com, motor[j].transverse_inertia * (Matrix3<Scalar>::Identity() - along),
+                 false};
       }
       all[j] = {carrier[j], rotor};
     }
@@ -98,15 +99,17 @@ struct Driven : M {
   }
 };
 
-/// Two links in a row, both motors on the inlet; the second reaches its link by a belt or tendon that runs over a pulley
-/// on the first axis.
-template <class Scalar> using BeltDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
+/// Two links in a row, both motors on the inlet; the second reaches its link by a belt or tendon that runs over a
+/// pulley on the first axis.
+template <class Scalar>
+using BeltDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
 /// Two hinges with both motors on both of them: bevel gears at a wrist or hip.
-template <class Scalar> using DifferentialDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
+template <class Scalar>
+using DifferentialDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
 
-/// Rates of the rotors (rows) per rate of the hinges (columns) for parallel hinges. The pulley on the first axis is free
-/// of the first link: it turns by q_0 + pulley·q_1 relative to the inlet, with `pulley` the radius at the second link
-/// over the radius on the first axis; each motor turns its pulley through a gear.
+/// Rates of the rotors (rows) per rate of the hinges (columns) for parallel hinges. The pulley on the first axis is
+/// free of the first link: it turns by q_0 + pulley·q_1 relative to the inlet, with `pulley` the radius at the second
+/// link over the radius on the first axis; each motor turns its pulley through a gear.
 template <class Scalar>
 Eigen::Matrix<Scalar, 2, 2> belt_transmission(const Scalar& first_gear, const Scalar& second_gear,
                                               const Scalar& pulley = Scalar(1))

@@ -68,7 +68,8 @@ struct ElasticMotorArmOn {
 
   std::array<Rotor<Scalar, 2>, 1> rotors() const
   {
-    return {{{-1, motor.axis, motor.axial_inertia, Eigen::Matrix<Scalar, 1, 2>(Scalar(1), Scalar(0)), !motor.armature}}};
+    return {
+        {{-1, motor.axis, motor.axial_inertia, Eigen::Matrix<Scalar, 1, 2>(Scalar(1), Scalar(0)), !motor.armature}}};
   }
 
   Vector2 Bbar(const Vector2&) const { return Vector2(Scalar(1), Scalar(0)); }
@@ -113,8 +114,10 @@ private:
   }
 };
 
-template <class Scalar> using ElasticMotorArm = ElasticMotorArmOn<Revolute<Scalar>>;
-template <class Scalar> using ElasticLinearMotorArm = ElasticMotorArmOn<Prismatic<Scalar>>;
+template <class Scalar>
+using ElasticMotorArm = ElasticMotorArmOn<Revolute<Scalar>>;
+template <class Scalar>
+using ElasticLinearMotorArm = ElasticMotorArmOn<Prismatic<Scalar>>;
 
 static_assert(Subsystem<ElasticMotorArm<double>>);
 static_assert(Subsystem<ElasticLinearMotorArm<double>>);

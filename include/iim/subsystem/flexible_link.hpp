@@ -18,9 +18,10 @@ namespace iim {
 /// amplitudes of n_y functions of bending along y, n_z along z and n_t of torsion [rad]. Inputs: those of the joint.
 ///
 /// With ξ = s/L and P_k the Legendre polynomials on 0 … 1, curvature and twist are Σ a_k P_k(ξ)/L: deflection
-/// v = L Σ a_k φ_k, φ_k'' = P_k, φ_k(0) = φ_k'(0) = 0. The first two hold the static deflection under a force at the tip
-/// exactly, and stiffness is diagonal. A section moves by (u, v, w) and turns by v' about z, −w' about y, then its twist.
-/// `shortening` draws it in by u = −½ ∫ (v'² + w'²) ds, second order in the amplitudes: it makes a rotating beam stiffer.
+/// v = L Σ a_k φ_k, φ_k'' = P_k, φ_k(0) = φ_k'(0) = 0. The first two hold the static deflection under a force at the
+/// tip exactly, and stiffness is diagonal. A section moves by (u, v, w) and turns by v' about z, −w' about y, then its
+/// twist. `shortening` draws it in by u = −½ ∫ (v'² + w'²) ds, second order in the amplitudes: it makes a rotating beam
+/// stiffer.
 ///
 /// Mass is not lumped but integrated: the frames behind the first are sections at Gauss points that carry their share
 /// (weight × length × mass and rotary inertia per length) with their exact Jacobians, enough of them to integrate the
@@ -42,14 +43,14 @@ struct FlexibleLink {
   using Moving = RelativeMotion<Scalar, n_i>;
 
   Joint joint{};
-  Scalar length = Scalar(1);             ///< [m]
-  Scalar mass_per_length = Scalar(1);    ///< [kg/m]
-  Scalar bending_y = Scalar(1);          ///< bending stiffness EI for deflection along y [N m²]
-  Scalar bending_z = Scalar(1);          ///< the same along z
-  Scalar torsion = Scalar(1);            ///< torsional stiffness GJ [N m²]
-  Scalar rotary_y = Scalar(0);           ///< rotary inertia ρI of a section about its y, per length [kg m]
-  Scalar rotary_z = Scalar(0);           ///< about its z; about x it is their sum
-  Scalar damping = Scalar(0);            ///< structural: strain rate counts this much as strain [s]
+  Scalar length = Scalar(1);           ///< [m]
+  Scalar mass_per_length = Scalar(1);  ///< [kg/m]
+  Scalar bending_y = Scalar(1);        ///< bending stiffness EI for deflection along y [N m²]
+  Scalar bending_z = Scalar(1);        ///< the same along z
+  Scalar torsion = Scalar(1);          ///< torsional stiffness GJ [N m²]
+  Scalar rotary_y = Scalar(0);         ///< rotary inertia ρI of a section about its y, per length [kg m]
+  Scalar rotary_z = Scalar(0);         ///< about its z; about x it is their sum
+  Scalar damping = Scalar(0);          ///< structural: strain rate counts this much as strain [s]
   bool shortening = true;
 
   void prepare(const std::string& name)
@@ -154,7 +155,7 @@ private:
   struct Section {
     Scalar xi = Scalar(1);
     Scalar weight = Scalar(0);
-    Row deflection, slope, twist;  // φ_k, φ_k', ∫ P_k
+    Row deflection, slope, twist;                           // φ_k, φ_k', ∫ P_k
     Eigen::Matrix<Scalar, n_functions, n_functions> drawn;  // ∫ φ_j' φ_k' from the clamp to ξ
   };
 

@@ -10,8 +10,8 @@
 namespace iim {
 
 /// Crank, coupler and rocker between two hinges A (the coupling point) and D of the inlet. q: angle of the crank from
-/// the plane's x [rad]; closed form. Frames: 0 crank, 1 coupler, 2 rocker, with origins at A, at B on the crank, and at D;
-/// their axes are the inlet's, turned so that `plane.x` points along the bar: to B, to C, to C.
+/// the plane's x [rad]; closed form. Frames: 0 crank, 1 coupler, 2 rocker, with origins at A, at B on the crank, and at
+/// D; their axes are the inlet's, turned so that `plane.x` points along the bar: to B, to C, to C.
 template <class Scalar_>
 struct FourBarLinkage {
   using Scalar = Scalar_;
@@ -20,10 +20,10 @@ struct FourBarLinkage {
 
   Plane<Scalar> plane{};
   Eigen::Matrix<Scalar, 2, 1> ground = Eigen::Matrix<Scalar, 2, 1>::UnitX();  ///< D in the plane, from A [m]
-  Scalar crank = Scalar(1);    ///< A to B [m]
-  Scalar coupler = Scalar(1);  ///< B to C [m]
-  Scalar rocker = Scalar(1);   ///< D to C [m]
-  Scalar side = Scalar(1);     ///< C is left (1) or right (−1) of the way from D to B
+  Scalar crank = Scalar(1);                                                   ///< A to B [m]
+  Scalar coupler = Scalar(1);                                                 ///< B to C [m]
+  Scalar rocker = Scalar(1);                                                  ///< D to C [m]
+  Scalar side = Scalar(1);  ///< C is left (1) or right (−1) of the way from D to B
 
   void prepare(const std::string& owner)
   {
@@ -97,8 +97,10 @@ struct ParallelogramLinkage {
   }
 };
 
-template <class Scalar> using FourBar = Compound<FourBarLinkage<Scalar>>;
-template <class Scalar> using Parallelogram = Compound<ParallelogramLinkage<Scalar>>;
+template <class Scalar>
+using FourBar = Compound<FourBarLinkage<Scalar>>;
+template <class Scalar>
+using Parallelogram = Compound<ParallelogramLinkage<Scalar>>;
 
 static_assert(Subsystem<FourBar<double>>);
 static_assert(Subsystem<Parallelogram<double>>);

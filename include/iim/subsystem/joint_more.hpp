@@ -271,10 +271,14 @@ struct SphericalLink : RigidLink<Spherical<Scalar_>> {
   }
 };
 
-template <class Scalar> using HelicalLink = RigidLink<Helical<Scalar>>;
-template <class Scalar> using CylindricalLink = RigidLink<Cylindrical<Scalar>>;
-template <class Scalar> using UniversalLink = RigidLink<Universal<Scalar>>;
-template <class Scalar> using PlanarLink = RigidLink<Planar<Scalar>>;
+template <class Scalar>
+using HelicalLink = RigidLink<Helical<Scalar>>;
+template <class Scalar>
+using CylindricalLink = RigidLink<Cylindrical<Scalar>>;
+template <class Scalar>
+using UniversalLink = RigidLink<Universal<Scalar>>;
+template <class Scalar>
+using PlanarLink = RigidLink<Planar<Scalar>>;
 
 static_assert(Subsystem<HelicalLink<double>>);
 static_assert(Subsystem<CylindricalLink<double>>);

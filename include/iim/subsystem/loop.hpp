@@ -1,7 +1,7 @@
 // Closed loops inside a subsystem: dependent coordinates from independent ones, with Jacobian and its derivative.
 //
-// Where there is a closed form it is written in Dependents, as `meeting_point` is. Otherwise the equations Φ(y, q) = 0 are
-// written once, as a generic function of Dependents, and `close_loop` does the rest:
+// Where there is a closed form it is written in Dependents, as `meeting_point` is. Otherwise the equations Φ(y, q) = 0
+// are written once, as a generic function of Dependents, and `close_loop` does the rest:
 //
 //     y by Newton from a start,   ∂y/∂q = G = −Φ_y⁻¹ Φ_q,   ÿ = −Φ_y⁻¹ γ for q̈ = 0, γ: Φ̈ along ẏ = G q̇ for ÿ = 0
 //
@@ -47,11 +47,12 @@ struct ClosedLoop {
   int iterations = 0;
 };
 
-/// Solves equations(y, q) = 0 for y, near `start`. equations: generic; takes arrays of Dependent<Scalar, m> of n_y and n
-/// entries for any m and returns one of n_y. Does not throw or allocate.
+/// Solves equations(y, q) = 0 for y, near `start`. equations: generic; takes arrays of Dependent<Scalar, m> of n_y and
+/// n entries for any m and returns one of n_y. Does not throw or allocate.
 template <int n_y, class Scalar, int n, std::size_t count, class Equations>
 ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::array<Dependent<Scalar, n>, count>& q,
-                                      const Eigen::Matrix<Scalar, n_y, 1>& start, const LoopOptions<Scalar>& options = {})
+                                      const Eigen::Matrix<Scalar, n_y, 1>& start,
+                                      const LoopOptions<Scalar>& options = {})
 {
   static_assert(count == static_cast<std::size_t>(n));
   constexpr auto size = static_cast<std::size_t>(n_y);
@@ -129,8 +130,8 @@ struct PlanePoint {
 
 /// The point that is `a` away from A and `b` away from B: left of the way from A to B for side = 1, right for −1.
 template <class Scalar, int n>
-LoopStatus meeting_point(const PlanePoint<Scalar, n>& A, const Scalar& a, const PlanePoint<Scalar, n>& B, const Scalar& b,
-                         const Scalar& side, PlanePoint<Scalar, n>& point)
+LoopStatus meeting_point(const PlanePoint<Scalar, n>& A, const Scalar& a, const PlanePoint<Scalar, n>& B,
+                         const Scalar& b, const Scalar& side, PlanePoint<Scalar, n>& point)
 {
   using D = Dependent<Scalar, n>;
   const PlanePoint<Scalar, n> way = B - A;
@@ -141,7 +142,8 @@ LoopStatus meeting_point(const PlanePoint<Scalar, n>& A, const Scalar& a, const 
   if (!ScalarTraits<Scalar>::is_positive(across2.value)) { return LoopStatus::unreachable; }
   const D across = sqrt(across2) * D(side);
   point = A + PlanePoint<Scalar, n>{(way.x * along - way.y * across) / L2, (way.y * along + way.x * across) / L2};
-  return ScalarTraits<Scalar>::is_positive(across2.value - Scalar(1e-12) * size) ? LoopStatus::ok : LoopStatus::singular;
+  return ScalarTraits<Scalar>::is_positive(across2.value - Scalar(1e-12) * size) ? LoopStatus::ok
+                                                                                 : LoopStatus::singular;
 }
 
 /// Axes of a plane mechanism: x × y = normal.

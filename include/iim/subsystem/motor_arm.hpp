@@ -13,18 +13,18 @@ namespace iim {
 template <class Scalar_>
 struct Motor {
   using Scalar = Scalar_;
-  Scalar gear_ratio = Scalar(1);                         ///< rotor rate relative to the housing per joint rate
-  Scalar axial_inertia = Scalar(0);                      ///< rotor about its axis [kg m²]
-  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();       ///< rotor axis, unit vector in inlet axes
-  Scalar mass = Scalar(0);                               ///< of the rotor [kg]; zero: contained in the parent's body
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();         ///< of the rotor, on its axis, inlet axes [m]
-  Scalar transverse_inertia = Scalar(0);                 ///< rotor across its axis, about its centre [kg m²]
+  Scalar gear_ratio = Scalar(1);                    ///< rotor rate relative to the housing per joint rate
+  Scalar axial_inertia = Scalar(0);                 ///< rotor about its axis [kg m²]
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< rotor axis, unit vector in inlet axes
+  Scalar mass = Scalar(0);                          ///< of the rotor [kg]; zero: contained in the parent's body
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();    ///< of the rotor, on its axis, inlet axes [m]
+  Scalar transverse_inertia = Scalar(0);            ///< rotor across its axis, about its centre [kg m²]
   bool armature = false;  ///< true: gear_ratio²·axial_inertia on the joint and no other trace of the rotor's spin
 
   template <class T>
   Motor<T> cast() const
   {
-    return {T(gear_ratio), T(axial_inertia), axis.template cast<T>(), T(mass), com.template cast<T>(),
+    return {T(gear_ratio),         T(axial_inertia), axis.template cast<T>(), T(mass), com.template cast<T>(),
             T(transverse_inertia), armature};
   }
 };
@@ -124,8 +124,10 @@ struct MotorArmOn {
   }
 };
 
-template <class Scalar> using MotorArm = MotorArmOn<Revolute<Scalar>>;
-template <class Scalar> using LinearMotorArm = MotorArmOn<Prismatic<Scalar>>;
+template <class Scalar>
+using MotorArm = MotorArmOn<Revolute<Scalar>>;
+template <class Scalar>
+using LinearMotorArm = MotorArmOn<Prismatic<Scalar>>;
 
 static_assert(Subsystem<MotorArm<double>>);
 

@@ -14,24 +14,26 @@ namespace iim {
 template <class Scalar_>
 struct PushRod {
   using Scalar = Scalar_;
-  Vector3<Scalar> hinge = Vector3<Scalar>::Zero();   ///< centre of the crank's circle [m]
-  Vector3<Scalar> axis = Vector3<Scalar>::UnitY();   ///< of crank and rotor, unit vector
-  Vector3<Scalar> crank = Vector3<Scalar>::UnitX();  ///< hinge to rod for a crank angle of 0, perpendicular to the axis [m]
-  Vector3<Scalar> foot = Vector3<Scalar>::Zero();    ///< where the rod ends, in the foot's frame [m]
-  Scalar rod = Scalar(1);                            ///< length [m]
-  Scalar side = Scalar(1);  ///< of the two crank angles, that with ∂rod/∂angle > 0 (1) or < 0 (−1)
-  Scalar rod_mass = Scalar(0);                       ///< uniform and slender [kg]
-  Scalar gear_ratio = Scalar(1);                     ///< rotor rate per crank rate
-  Scalar rotor_inertia = Scalar(0);  ///< about the axis [kg m²], a disc's: half of it about the others; its mass: the shank's
+  Vector3<Scalar> hinge = Vector3<Scalar>::Zero();  ///< centre of the crank's circle [m]
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitY();  ///< of crank and rotor, unit vector
+  /// Hinge to rod for a crank angle of 0, perpendicular to the axis [m].
+  Vector3<Scalar> crank = Vector3<Scalar>::UnitX();
+  Vector3<Scalar> foot = Vector3<Scalar>::Zero();  ///< where the rod ends, in the foot's frame [m]
+  Scalar rod = Scalar(1);                          ///< length [m]
+  Scalar side = Scalar(1);        ///< of the two crank angles, that with ∂rod/∂angle > 0 (1) or < 0 (−1)
+  Scalar rod_mass = Scalar(0);    ///< uniform and slender [kg]
+  Scalar gear_ratio = Scalar(1);  ///< rotor rate per crank rate
+  /// About the axis [kg m²], a disc's: half of it about the others; its mass: the shank's.
+  Scalar rotor_inertia = Scalar(0);
 };
 
-/// Foot on a universal joint at the coupling point (first axis fixed in the inlet, the shank), held by two push-rods. q:
-/// angles about the two axes [rad]; each crank's angle follows in closed form. Inputs: torques of the motors on their
-/// rotors, B̄_i = (0; gear ratio · ∂crank/∂q). A dead centre, where a rod is in line with its crank, is refused.
+/// Foot on a universal joint at the coupling point (first axis fixed in the inlet, the shank), held by two push-rods.
+/// q: angles about the two axes [rad]; each crank's angle follows in closed form. Inputs: torques of the motors on
+/// their rotors, B̄_i = (0; gear ratio · ∂crank/∂q). A dead centre, where a rod is in line with its crank, is refused.
 ///
 /// Frames: 0 foot; 1, 2 cranks (origins at the hinges, the inlet's axes turned by the crank angle); 3, 4 rotors; 5, 6
-/// middles of the rods, which do not turn. A uniform slender rod is m/6, 2m/3, m/6 at its ends and middle: the same mass,
-/// centre and kinetic energy, and no spin about its own length, which the mechanism leaves undefined.
+/// middles of the rods, which do not turn. A uniform slender rod is m/6, 2m/3, m/6 at its ends and middle: the same
+/// mass, centre and kinetic energy, and no spin about its own length, which the mechanism leaves undefined.
 template <class Scalar_>
 struct ParallelAnkleLinkage {
   using Scalar = Scalar_;
@@ -143,9 +145,15 @@ struct ParallelAnkleLinkage {
     ParallelAnkleLinkage<T> other{first.template cast<T>(), second.template cast<T>(), {}};
     for (std::size_t k = 0; k < 2; ++k) {
       const PushRod<Scalar>& r = rod[k];
-      other.rod[k] = {r.hinge.template cast<T>(), r.axis.template cast<T>(), r.crank.template cast<T>(),
-                      r.foot.template cast<T>(),  T(r.rod),                  T(r.side),
-                      T(r.rod_mass),              T(r.gear_ratio),           T(r.rotor_inertia)};
+      other.rod[k] = {r.hinge.template cast<T>(),
+                      r.axis.template cast<T>(),
+                      r.crank.template cast<T>(),
+                      r.foot.template cast<T>(),
+                      T(r.rod),
+                      T(r.side),
+                      T(r.rod_mass),
+                      T(r.gear_ratio),
+                      T(r.rotor_inertia)};
     }
     return other;
   }
@@ -181,7 +189,8 @@ private:
   }
 };
 
-template <class Scalar> using ParallelAnkle = Compound<ParallelAnkleLinkage<Scalar>>;
+template <class Scalar>
+using ParallelAnkle = Compound<ParallelAnkleLinkage<Scalar>>;
 
 static_assert(Subsystem<ParallelAnkle<double>>);
 

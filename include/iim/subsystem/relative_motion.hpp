@@ -1,8 +1,8 @@
 // Motion inside a subsystem of several bodies: coordinates that depend on q_i, and frames carried along by them.
 //
-// A Dependent is a number with what q_i does to it: a formula written in Dependents gives a coordinate, its Jacobian and
-// the Jacobian's derivative together. A RelativeMotion is a frame; turning, sliding and shifting it by Dependents gives
-// the next frame, so that a mechanism is written like a drawing of it.
+// A Dependent is a number with what q_i does to it: a formula written in Dependents gives a coordinate, its Jacobian
+// and the Jacobian's derivative together. A RelativeMotion is a frame; turning, sliding and shifting it by Dependents
+// gives the next frame, so that a mechanism is written like a drawing of it.
 #pragma once
 
 #include <iim/spatial.hpp>
@@ -41,7 +41,8 @@ struct Dependent {
 
   friend Dependent operator+(const Dependent& a, const Dependent& b)
   {
-    return {Scalar(a.value + b.value), Gradient(a.gradient + b.gradient), Scalar(a.rate + b.rate), Scalar(a.bias + b.bias)};
+    return {Scalar(a.value + b.value), Gradient(a.gradient + b.gradient), Scalar(a.rate + b.rate),
+            Scalar(a.bias + b.bias)};
   }
   friend Dependent operator-(const Dependent& a)
   {

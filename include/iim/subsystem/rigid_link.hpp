@@ -29,8 +29,8 @@ struct RigidLink {
     validate(body, name);
   }
 
-  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, n_q, 1>& q,
-              const Eigen::Matrix<Scalar, n_i, 1>& qd, std::array<FrameMotion<Scalar, n_i>, 1>& frames) const
+  bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, n_q, 1>& q, const Eigen::Matrix<Scalar, n_i, 1>& qd,
+              std::array<FrameMotion<Scalar, n_i>, 1>& frames) const
   {
     return joint.motion(R, q, qd, frames[0]);
   }
@@ -67,11 +67,14 @@ struct RigidLink {
 template <class Joint, class BodyType>
 RigidLink(Joint, BodyType) -> RigidLink<Joint>;
 
-template <class Scalar> using RevoluteLink = RigidLink<Revolute<Scalar>>;
-template <class Scalar> using PrismaticLink = RigidLink<Prismatic<Scalar>>;
-/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree, so that it costs
-/// nothing; its own frame stays.
-template <class Scalar> using FixedLink = RigidLink<Fixed<Scalar>>;
+template <class Scalar>
+using RevoluteLink = RigidLink<Revolute<Scalar>>;
+template <class Scalar>
+using PrismaticLink = RigidLink<Prismatic<Scalar>>;
+/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree, so that
+/// it costs nothing; its own frame stays.
+template <class Scalar>
+using FixedLink = RigidLink<Fixed<Scalar>>;
 
 static_assert(Subsystem<RevoluteLink<double>>);
 static_assert(Subsystem<PrismaticLink<double>>);

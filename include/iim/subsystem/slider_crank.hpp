@@ -9,9 +9,9 @@
 
 namespace iim {
 
-/// Crank at the coupling point A, rod from B on it to a slider on a guide parallel to the plane's x. q: angle of the crank
-/// from x [rad]; closed form. Frames: 0 crank (origin A), 1 rod (origin B), both with their x along the bar; 2 slider
-/// (origin at the rod's end C), not turned.
+/// Crank at the coupling point A, rod from B on it to a slider on a guide parallel to the plane's x. q: angle of the
+/// crank from x [rad]; closed form. Frames: 0 crank (origin A), 1 rod (origin B), both with their x along the bar; 2
+/// slider (origin at the rod's end C), not turned.
 template <class Scalar_>
 struct SliderCrankLinkage {
   using Scalar = Scalar_;
@@ -29,7 +29,9 @@ struct SliderCrankLinkage {
     plane.prepare(owner);
     detail::check_length(crank, owner + ": crank");
     detail::check_length(rod, owner + ": rod");
-    if (!detail::is_finite(offset)) { throw ModelError(owner + ": offset must be finite, got " + detail::to_text(offset)); }
+    if (!detail::is_finite(offset)) {
+      throw ModelError(owner + ": offset must be finite, got " + detail::to_text(offset));
+    }
     if (side != Scalar(1) && side != Scalar(-1)) {
       throw ModelError(owner + ": side must be 1 or −1, got " + detail::to_text(side));
     }
@@ -58,8 +60,8 @@ struct SliderCrankLinkage {
 };
 
 /// Lever on a hinge at the coupling point, turned by a linear actuator (screw, cylinder) between a pivot D on the inlet
-/// and a pin C on the lever: a knee or ankle. q: angle of the lever [rad]; closed form. Input: torque of the motor on the
-/// screw, B̄_i = screw·ds/dq with the actuator's length s; with screw = 1 it is the actuator's force.
+/// and a pin C on the lever: a knee or ankle. q: angle of the lever [rad]; closed form. Input: torque of the motor on
+/// the screw, B̄_i = screw·ds/dq with the actuator's length s; with screw = 1 it is the actuator's force.
 ///
 /// Frames: 0 lever, the inlet turned by q; 1 cylinder (origin D) and 2 piston (origin C), x along the actuator towards
 /// C; 3 screw (origin D), turned by screw·s relative to the cylinder, which carries the rotor's inertia.
@@ -137,8 +139,10 @@ private:
   }
 };
 
-template <class Scalar> using SliderCrank = Compound<SliderCrankLinkage<Scalar>>;
-template <class Scalar> using ActuatedLever = Compound<ActuatedLeverLinkage<Scalar>>;
+template <class Scalar>
+using SliderCrank = Compound<SliderCrankLinkage<Scalar>>;
+template <class Scalar>
+using ActuatedLever = Compound<ActuatedLeverLinkage<Scalar>>;
 
 static_assert(Subsystem<SliderCrank<double>>);
 static_assert(Subsystem<ActuatedLever<double>>);

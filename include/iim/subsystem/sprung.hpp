@@ -56,10 +56,7 @@ struct Sprung : Part {
   }
 
   /// Energy in the springs [J].
-  Scalar potential(const Coordinates& q) const
-  {
-    return (q - rest).dot(stiffness.cwiseProduct(q - rest)) / Scalar(2);
-  }
+  Scalar potential(const Coordinates& q) const { return (q - rest).dot(stiffness.cwiseProduct(q - rest)) / Scalar(2); }
 
   /// Power lost in the dampers [W].
   Scalar dissipation(const Coordinates&, const Coordinates& qd) const { return qd.dot(damping.cwiseProduct(qd)); }
@@ -69,7 +66,7 @@ struct Sprung : Part {
   {
     const Part& part = *this;
     return Sprung<decltype(part.template cast<T>())>{part.template cast<T>(), stiffness.template cast<T>(),
-                                                      damping.template cast<T>(), rest.template cast<T>()};
+                                                     damping.template cast<T>(), rest.template cast<T>()};
   }
 };
 
