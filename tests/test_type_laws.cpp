@@ -68,6 +68,10 @@ LawReport report_of(Defect defect)
   return check_laws(suspect);
 }
 
+struct Checks : iim::detail::LawChecks {
+  using LawChecks::negative_part;
+};
+
 }  // namespace
 
 TEST_CASE("A sound type obeys the laws, a defective one does not")
@@ -96,4 +100,23 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   const LawReport none = check_laws(Suspect{{}, Random(3).body()}, beyond);
   CHECK(!none.ok());
   CHECK(none.text().find("invalid state") != std::string::npos);
+}
+
+TEST_CASE("The law of inertia sees how far eigenvalues are below zero")
+{
+  // Q diag(λ) Qᵀ with a rotation Q by no special angles
+  const Eigen::Matrix3d Q = Eigen::AngleAxisd(0.7, Vec3(1, 2, -3).normalized()).toRotationMatrix();
+  const auto part = [&](double a, double b, double c) {
+    const Eigen::Matrix3d A = Q * Vec3(a, b, c).asDiagonal() * Q.transpose();
+    return Checks::negative_part((A + A.transpose()) / 2);
+  };
+  CHECK(part(1, 2, 3) == 0);
+  CHECK(part(1, 0, 3) < 1e-14);
+  for (const double least : {1e-12, 1e-6, 0.1}) {
+    INFO(least);
+    const double expected = least / (3 - least);
+    CHECK(part(1, 2, -least) > 0.9 * expected);
+    CHECK(part(1, 2, -least) < 2.2 * expected);
+  }
+  CHECK(part(-1, -2, -3) > 1);
 }
