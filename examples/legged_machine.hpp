@@ -98,8 +98,7 @@ inline Robot machine()
     robot.add(leg + "ankle", on(leg + "knee", {0, 0, -0.38}, 2), ankle());
     for (const double x : {-0.07, 0.15}) {
       for (const double y : {-0.04, 0.04}) {
-        robot.add_frame(leg + (x < 0 ? "heel_" : "toe_") + (y < 0 ? "right" : "left"),
-                        on(leg + "ankle", {x, y, -0.06}));
+        robot.add_frame(leg + (x < 0 ? "heel_" : "toe_") + (y < 0 ? "right" : "left"), on(leg + "ankle", {x, y, -0.06}));
       }
     }
   }
@@ -147,8 +146,7 @@ iim::Inputs<Tree> inputs_of(const Tree& tree)
 
 /// (q̈₀, B̂) in every state; an empty matrix where there was none.
 template <class Method, class Workspace>
-std::vector<iim::MatrixX<typename Workspace::Scalar>> answers(Method& method, Workspace& ws,
-                                                              const std::vector<State>& states)
+std::vector<iim::MatrixX<typename Workspace::Scalar>> answers(Method& method, Workspace& ws, const std::vector<State>& states)
 {
   using Scalar = typename Workspace::Scalar;
   std::vector<iim::MatrixX<Scalar>> all;
@@ -213,8 +211,8 @@ inline Comparison compare(int count, int passes)
   const iim::DynamicTree tree(robot);
   const auto inputs = inputs_of(tree);
   const std::vector<State> states = random_states(tree, count);
-  Comparison comparison{
-      static_cast<long>(tree.size()), static_cast<long>(tree.n_v()), static_cast<long>(inputs.columns()), {}, {}};
+  Comparison comparison{static_cast<long>(tree.size()), static_cast<long>(tree.n_v()),
+                        static_cast<long>(inputs.columns()), {}, {}};
 
   const iim::DynamicTree exact_tree(robot.cast<long double>());
   const auto exact_inputs = inputs_of(exact_tree);

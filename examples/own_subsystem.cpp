@@ -1,5 +1,5 @@
-// A subsystem of one's own, a pan-tilt head with two motors: through the law suite and every method, against the same
-// robot made of two revolute links.
+// A subsystem of one's own, a pan-tilt head with two motors: through the law suite and every method, against the same robot
+// made of two revolute links.
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>
 #include <iim/law_suite.hpp>

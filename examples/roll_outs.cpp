@@ -1,7 +1,7 @@
 // OPTIONAL: openmp
-// A sampling controller (MPPI) turns a seven-axis arm to a target: in each cycle it tries hundreds of random courses
-// over a horizon, several states at once in the lanes of a core and, with OpenMP, on all cores; the mean of the
-// courses, weighted by how well they went, is the new plan.
+// A sampling controller (MPPI) turns a seven-axis arm to a target: in each cycle it tries hundreds of random courses over
+// a horizon, several states at once in the lanes of a core and, with OpenMP, on all cores; the mean of the courses,
+// weighted by how well they went, is the new plan.
 #include <iim/iim.hpp>
 #include <iim/several_states.hpp>
 
@@ -52,7 +52,7 @@ constexpr Index n = 7;
 constexpr Index samples = 512;
 constexpr Index horizon = 12;
 constexpr double step = 0.02;  // [s]
-constexpr double spread = 6;   // of the accelerations that are tried [rad/s²]
+constexpr double spread = 6;     // of the accelerations that are tried [rad/s²]
 
 /// Something of every sample over the horizon: at time step t the columns of courses[t], n × samples.
 using Courses = std::vector<MatrixXd>;
@@ -170,16 +170,12 @@ int main()
     roll_out_on_cores(all_cores, torques, q, qd, target, costs);
     VectorXd weight = (-(costs.array() - costs.minCoeff()) / (0.02 * costs.minCoeff() + 1e-6)).exp();
     weight /= weight.sum();
-    for (std::size_t t = 0; t < accelerations.size(); ++t) {
-      plan.col(static_cast<Index>(t)) = accelerations[t] * weight;
-    }
+    for (std::size_t t = 0; t < accelerations.size(); ++t) { plan.col(static_cast<Index>(t)) = accelerations[t] * weight; }
 
     const VectorXd u = Bhat.solve(plan.col(0) - qdd0);
     integrate(q, qd, iim::forward_dynamics(q, qd, inputs, u, ws).qdd);
     plan.leftCols(horizon - 1) = plan.rightCols(horizon - 1).eval();
-    if (cycle % 25 == 24) {
-      std::printf("%.1f s: %.3f rad from the target\n", (cycle + 1) * step, (q - target).norm());
-    }
+    if (cycle % 25 == 24) { std::printf("%.1f s: %.3f rad from the target\n", (cycle + 1) * step, (q - target).norm()); }
   }
 
   const double left = (q - target).norm();
@@ -188,7 +184,7 @@ int main()
   const double together = states_per_second([&] { roll_out_on_cores(all_cores, torques, q, qd, target, costs); });
   std::printf("roll-outs, million states per second: one at a time %.2f, %d lanes %.2f, %d lanes × %d cores %.2f\n",
               alone * 1e-6, Several::lanes, lanes * 1e-6, Several::lanes, cores, together * 1e-6);
-
+  
   std::printf("%s: %.3f of %.3f rad left\n", left < 0.1 * start ? "reached" : "not reached", left, start);
   return left < 0.1 * start ? 0 : 1;
 }

@@ -83,10 +83,8 @@ public:
       const auto id = body_[static_cast<std::size_t>(i)];
       const auto& body = tree_->frame_mass(tree_->node(i).frame);
       const auto& at = tasks_.placement(id);
-      const Vec3 v = V.template segment<3>(tasks_.row(id)),
-                 w = at.R.transpose() * V.template segment<3>(tasks_.row(id) + 3);
-      energy += body.mass * v.squaredNorm() / 2 + w.dot(body.central_inertia * w) / 2 -
-                body.mass * tree_->gravity().dot(at.p);
+      const Vec3 v = V.template segment<3>(tasks_.row(id)), w = at.R.transpose() * V.template segment<3>(tasks_.row(id) + 3);
+      energy += body.mass * v.squaredNorm() / 2 + w.dot(body.central_inertia * w) / 2 - body.mass * tree_->gravity().dot(at.p);
     }
     return energy;
   }
@@ -135,8 +133,7 @@ int main()
     const iim::Vector6<double> off = simulation.momentum(x) - expected;
     const double drift = std::abs(simulation.energy(x) - energy) / std::abs(energy);
     const double angular = off.tail<3>().norm() / momentum.tail<3>().norm();
-    std::printf("%10.4f %16.2e %16.2e %16.2e\n", duration / steps, drift,
-                off.head<3>().norm() / expected.head<3>().norm(), angular);
+    std::printf("%10.4f %16.2e %16.2e %16.2e\n", duration / steps, drift, off.head<3>().norm() / expected.head<3>().norm(), angular);
     drifts.push_back(drift + angular);
   }
   const double order = std::log2(drifts[1] / drifts[3]) / 2;

@@ -26,8 +26,8 @@ using Matrix = Eigen::MatrixXd;
 constexpr int contacts = static_cast<int>(iim::models::biped_contacts.size());
 constexpr int motors = 14;
 constexpr int forces = 3 * contacts;
-constexpr double step = 1e-3;     // [s]
-constexpr double duration = 2.5;  // [s]
+constexpr double step = 1e-3;      // [s]
+constexpr double duration = 2.5;   // [s]
 constexpr double friction = 0.6;
 
 /// Torso upright over bent knees, feet level.
@@ -60,13 +60,13 @@ Vector solve(const Matrix& JB, const Vector& error, const Vector& u_n, const Vec
 }
 
 struct Worst {
-  double residual = 0;      // of (4) [m/s², rad/s²]
-  double drift = 0;         // of a contact point [m]
-  double tilt = 0;          // of the torso [rad]
+  double residual = 0;    // of (4) [m/s², rad/s²]
+  double drift = 0;       // of a contact point [m]
+  double tilt = 0;        // of the torso [rad]
   double least_push = 1e9;  // vertical force of the ground on a foot [N]
-  double slip = 0;          // horizontal by vertical force on a foot
-  double margin = 1e9;      // of a foot's centre of pressure from its edge, inwards [m]
-  double torque = 0;        // at a joint [N m]
+  double slip = 0;        // horizontal by vertical force on a foot
+  double margin = 1e9;    // of a foot's centre of pressure from its edge, inwards [m]
+  double torque = 0;      // at a joint [N m]
 };
 
 }  // namespace
@@ -101,8 +101,7 @@ int main()
 
   Worst worst;
   double late = 0;  // distance of the centre of mass from its goal in the last 0.1 s
-  std::printf("%6s %28s %10s %10s %10s %12s\n", "t [s]", "centre of mass [m]", "off [mm]", "tilt [°]", "residual",
-              "on feet [N]");
+  std::printf("%6s %28s %10s %10s %10s %12s\n", "t [s]", "centre of mass [m]", "off [mm]", "tilt [°]", "residual", "on feet [N]");
   const int steps = static_cast<int>(std::lround(duration / step));
   for (int k = 0; k <= steps; ++k) {
     const double t = k * step;
@@ -169,8 +168,7 @@ int main()
         high = high.cwiseMax(p);
       }
       pressure /= sum.z();
-      worst.margin =
-          std::min({worst.margin, (pressure - low).head<2>().minCoeff(), (high - pressure).head<2>().minCoeff()});
+      worst.margin = std::min({worst.margin, (pressure - low).head<2>().minCoeff(), (high - pressure).head<2>().minCoeff()});
       on_foot[static_cast<std::size_t>(foot)] = sum.z();
       worst.least_push = std::min(worst.least_push, sum.z());
       worst.slip = std::max(worst.slip, sum.head<2>().norm() / sum.z());
@@ -181,8 +179,8 @@ int main()
     const Vec3 at = tasks.placement(com).p;
     if (t > duration - 0.1) { late = std::max(late, (at - goal).norm()); }
     if (k % 250 == 0) {
-      std::printf("%6.2f %9.4f %9.4f %8.4f %10.2f %10.3f %10.1e %6.0f %5.0f%s\n", t, at.x(), at.y(), at.z(),
-                  1e3 * off.norm(), tilt.norm() * 57.2958, residual, on_foot[0], on_foot[1], pushed ? "  pushed" : "");
+      std::printf("%6.2f %9.4f %9.4f %8.4f %10.2f %10.3f %10.1e %6.0f %5.0f%s\n", t, at.x(), at.y(), at.z(), 1e3 * off.norm(),
+                  tilt.norm() * 57.2958, residual, on_foot[0], on_foot[1], pushed ? "  pushed" : "");
     }
 
     // A step in time: velocities first, then coordinates at the new velocities.
@@ -196,13 +194,11 @@ int main()
     q.segment<4>(3).normalize();
   }
 
-  std::printf(
-      "\nworst: residual of (4) %.1e, contact points off by %.2e m, torso tilted by %.3f rad,\n"
-      "least force on a foot %.0f N, horizontal / vertical force %.2f, joint torque %.0f N m,\n"
-      "centre of pressure %.0f mm inside a foot's edge\n"
-      "centre of mass within %.2f mm of its goal at the end\n",
-      worst.residual, worst.drift, worst.tilt, worst.least_push, worst.slip, worst.torque, 1e3 * worst.margin,
-      1e3 * late);
+  std::printf("\nworst: residual of (4) %.1e, contact points off by %.2e m, torso tilted by %.3f rad,\n"
+              "least force on a foot %.0f N, horizontal / vertical force %.2f, joint torque %.0f N m,\n"
+              "centre of pressure %.0f mm inside a foot's edge\n"
+              "centre of mass within %.2f mm of its goal at the end\n",
+              worst.residual, worst.drift, worst.tilt, worst.least_push, worst.slip, worst.torque, 1e3 * worst.margin, 1e3 * late);
   const bool balanced = worst.residual < 1e-3 && worst.drift < 1e-3 && worst.tilt < 0.1 && worst.least_push > 0 &&
                         worst.slip < friction && worst.margin > 0 && late < 1e-3;
   std::printf("%s\n", balanced ? "the biped balances" : "the biped does not balance");
