@@ -1,4 +1,5 @@
 // PROGRAM: tests_methods
+// RUNS: long
 // All input-Jacobian methods give the same B̂ and q̈₀: 10⁴ random robots of all types, random states and inputs.
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>

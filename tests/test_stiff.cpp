@@ -1,3 +1,4 @@
+// RUNS: long
 // Stiff machines over seconds: the linearly implicit step where an explicit one blows up.
 #include "catch.hpp"
 
