@@ -75,7 +75,7 @@ inline std::string gnuplot_text(const Figure& figure)
   } else {
     out << "set xrange [" << (figure.log_x ? "*" : "0") << ":*]\n";
     if (figure.log_y) {
-      out << "set yrange [" << extent(figure, &Point::y).first << ":*]\n";
+      out << "set yrange [" << extent(figure, &Point::y).first / 1.25 << ":*]\n";
     } else if (figure.y_max > 0) {
       out << "set yrange [0:" << figure.y_max << "]\n";
     } else {
