@@ -162,14 +162,17 @@ struct OwnColumn {
   }
 };
 
-/// Whether shift·1 + factor·I is positive definite: Gauss elimination of a symmetric matrix.
-inline bool is_definite(double shift, double factor, Eigen::Matrix3d I)
+/// Whether shift·1 + factor·A is positive definite: Gauss elimination of a symmetric matrix of double. (Eigen's
+/// decompositions take seconds to compile.)
+template <class Matrix>
+[[gnu::cold]] bool is_definite(double shift, double factor, Matrix A)
 {
-  for (int k = 0; k < 9; ++k) { I.data()[k] = factor * I.data()[k] + (k % 4 == 0 ? shift : 0); }
-  for (int k = 0; k < 3; ++k) {
-    if (!(I(k, k) > 0)) { return false; }
-    for (int i = k + 1; i < 3; ++i) {
-      for (int j = k + 1; j < 3; ++j) { I(i, j) -= I(i, k) / I(k, k) * I(k, j); }
+  const Index n = A.rows();
+  for (Index k = 0; k < n * n; ++k) { A.data()[k] = factor * A.data()[k] + (k % (n + 1) == 0 ? shift : 0); }
+  for (Index k = 0; k < n; ++k) {
+    if (!(A(k, k) > 0)) { return false; }
+    for (Index i = k + 1; i < n; ++i) {
+      for (Index j = k + 1; j < n; ++j) { A(i, j) -= A(i, k) / A(k, k) * A(k, j); }
     }
   }
   return true;

@@ -1,6 +1,7 @@
 // The law suite's part that no type of subsystem enters: what is compared with what.
 #pragma once
 
+#include <iim/body.hpp>
 #include <iim/iim.hpp>
 #include <iim/law_suite_observer.hpp>
 #include <iim/subsystem_matrices.hpp>
@@ -80,7 +81,7 @@ protected:
     to_world.block(3, 3, 3, 3) = R;
     const Mat summed = to_world * at_rest * to_world.transpose();
     // Some 30 roundings per entry, and those of the elimination.
-    hold("inertia", is_definite(Mbar.bottomRightCorner(n_i, n_i), 0) ? negative_part(summed) : 1, 1e-13);
+    hold("inertia", is_definite(0, 1, Mat(Mbar.bottomRightCorner(n_i, n_i))) ? negative_part(summed) : 1, 1e-13);
     hold("inertia", apart(Mbar, summed), 1e-13);
     hold("inertia", apart(Mat(Mbar.transpose()), Mbar), 1e-13);
   }
@@ -233,27 +234,12 @@ protected:
     }
   }
 
-  /// Whether elimination finds positive pivots only in A + shift·1, A symmetric. (Eigen's decompositions would take as
-  /// long to compile as all else that is here.)
-  static bool is_definite(Mat A, double shift)
-  {
-    for (Index k = 0; k < A.rows(); ++k) {
-      const double pivot = A(k, k) + shift;
-      if (!(pivot > 0)) { return false; }
-      for (Index j = k + 1; j < A.cols(); ++j) {
-        const double factor = A(j, k) / pivot;
-        for (Index i = j; i < A.rows(); ++i) { A(i, j) -= factor * A(i, k); }
-      }
-    }
-    return true;
-  }
-
   /// How far below zero the eigenvalues of A reach, against the sum of all, to a factor of 2; 0 if they do not.
   static double negative_part(const Mat& A)
   {
     const double sum = A.trace();
     double part = 0;
-    while (part <= 1 && !is_definite(A, part * sum)) { part = part > 0 ? 2 * part : 1e-16; }
+    while (part <= 1 && !is_definite(part * sum, 1, A)) { part = part > 0 ? 2 * part : 1e-16; }
     return part;
   }
 

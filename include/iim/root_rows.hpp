@@ -168,8 +168,8 @@ struct Reflection {
   int x = 0;
   Eigen::Index pivot = 0;
   alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> top;  ///< row `pivot` after it: Xᵀx/α
-  alignas(
-      RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> w;  ///< what x(r) times is taken from the other rows
+  /// What x(r) times is taken from the other rows.
+  alignas(RootRows<Scalar, 8>::alignment) std::array<Scalar, padded> w;
 
   RootRow<Scalar> row() const { return Eigen::Map<const RootRow<Scalar>>(top.data()); }
 };
