@@ -167,7 +167,8 @@ private:
         const Scalar* b = beta + run->column;
         const Scalar* const l_end = l + run->count;
         for (; l != l_end; l += lanes, b += lanes) {
-          const Register numbers = load(l);
+          Register numbers = load(l);
+          hold(numbers);  // g++ -march=znver3: a chain of 50 10 % less, the biped 6 %
           unrolled<tile>([&](auto j) __attribute__((always_inline)) { sum[j] += numbers * b[j]; });
         }
       }

@@ -35,14 +35,6 @@ private:
 
 namespace detail {
 
-#if defined(__AVX512F__)
-inline constexpr int register_bytes = 64;
-#elif defined(__AVX__)
-inline constexpr int register_bytes = 32;
-#else
-inline constexpr int register_bytes = 16;
-#endif
-
 template <class T>
 struct BitsOf;
 template <>

