@@ -79,7 +79,7 @@ double largest_eigenvalue(const Eigen::MatrixXd& A)
 double condition_number(const Parts& parts, const std::function<double(Index)>& angle)
 {
   const Tree<double> tree(parts);
-  const iim::Inputs<Tree<double>> inputs(tree, iim::Inputs<Tree<double>>::Start::empty);
+  const iim::Inputs<Tree<double>> inputs(tree, iim::Start::empty);
   iim::Workspace<Tree<double>, iim::Update::square_root> workspace(tree);
   iim::RecursiveInverse<Tree<double>> inverse(tree, inputs);
   MassMatrix<double> mass_matrix(tree, inputs);
@@ -255,7 +255,7 @@ void formulation_stiffness(const std::string& name, const Parts& parts, double t
   const Tree<double> in_double(parts);
   const State<double> begin = random_states(in_double, 0, 1, 4711).front();
   const TreeType tree(parts.cast<Scalar>());
-  const iim::Inputs<TreeType> inputs(tree, iim::Inputs<TreeType>::Start::empty);
+  const iim::Inputs<TreeType> inputs(tree, iim::Start::empty);
   const Index n = tree.n_v();
   const auto row = [&](const char* method, auto&& qdd0) {
     const StepCount steps = integrate<Scalar>(begin, end, tolerance, limit, qdd0);

@@ -48,7 +48,7 @@ struct Conserved {
 class Balance {
 public:
   explicit Balance(const Parts& parts)
-      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Inputs<Tree<long double>>::Start::empty),
+      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Start::empty),
         workspace_(tree_), mass_matrix_(tree_, inputs_)
   {
   }

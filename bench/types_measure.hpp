@@ -83,7 +83,7 @@ private:
 
   static iim::Inputs<Tree> wrench(const Tree& tree)
   {
-    iim::Inputs<Tree> inputs(tree, iim::Inputs<Tree>::Start::empty);
+    iim::Inputs<Tree> inputs(tree, iim::Start::empty);
     inputs.add_wrench("tip");
     return inputs;
   }

@@ -243,7 +243,7 @@ template <class Tree>
 Inputs<Tree> make_inputs(const Tree& tree, const std::vector<NamedInput>& named)
 {
   using Scalar = typename Tree::Scalar;
-  Inputs<Tree> inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs<Tree> inputs(tree, Start::empty);
   for (const NamedInput& input : named) {
     Index id = -1;
     const Vector3<Scalar> point = input.point.template cast<Scalar>();

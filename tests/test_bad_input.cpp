@@ -215,7 +215,7 @@ TEST_CASE("inputs", "[bad input]")
                       .add("arm", on("base"), arm())
                       .add_frame("tip", on("arm"))
                       .add_frame("floor", on("world")));
-  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs inputs(tree, Start::empty);
   check_names(message_of([&] { inputs.add_motor("leg"); }), "'leg'");
   check_names(message_of([&] { inputs.add_motor("tip"); }), "'tip'");
   check_names(message_of([&] { inputs.add_motor("base"); }), "'base'", "no motor");

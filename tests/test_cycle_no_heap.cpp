@@ -69,7 +69,7 @@ TEST_CASE("nor on a large robot, where libraries block their products")
   const Index n = 400;
   const DynamicTree tree(models::chain<double>(n));
   using Tree = std::remove_const_t<decltype(tree)>;
-  Inputs<Tree> inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs<Tree> inputs(tree, Start::empty);
   for (Index i = 0; i < n; i += 8) { inputs.add_motor(tree.name(i)); }
   inputs.add_wrench(tree.name(n - 1));
   Workspace ws(tree);

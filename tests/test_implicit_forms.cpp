@@ -172,7 +172,7 @@ TEST_CASE("the product pays on short paths and for many inputs")
 TEST_CASE("workspace and method of a chain of 1000 links with one input take less than 2 MB")
 {
   const Tree tree(models::chain<double>(1000));
-  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs inputs(tree, Start::empty);
   inputs.add_motor(tree.name(999));
   const long before = heap_bytes;
   Workspace ws(tree);

@@ -47,7 +47,7 @@ TEST_CASE("all motors stand first, in the order of subsystems", "[inputs]")
 TEST_CASE("columns of inactive blocks do not exist, and those after them move up", "[inputs]")
 {
   const Tree tree = robot();
-  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs inputs(tree, Start::empty);
   CHECK(inputs.columns() == 0);
   const auto wrench = inputs.add_wrench("tip");
   const auto hand = inputs.add_motor("hand");
@@ -70,7 +70,7 @@ TEST_CASE("columns of inactive blocks do not exist, and those after them move up
 TEST_CASE("a wrench is its force, and moments are pairs of forces", "[inputs]")
 {
   const Tree tree = robot();
-  Inputs inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs inputs(tree, Start::empty);
   const Vec3 x(0.1, -0.2, 0.3);
   inputs.add_wrench("tip", x, Axes::body);                 // 0
   inputs.add_force("tip", x, Axes::body);                  // 6

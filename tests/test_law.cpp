@@ -203,7 +203,7 @@ TEST_CASE("a force in world axes is the same force in body axes, turned", "[law]
     test::Random draw(seed);
     const test::RandomState state = test::random_state(tree, 0, draw);
     const FrameReference<double>& frame = tree.frame("f0");
-    Inputs inputs(tree, Inputs<Tree>::Start::empty);
+    Inputs inputs(tree, Start::empty);
     const test::Vec3 x = draw.vector(0.5);
     inputs.add_wrench("f0", x, Axes::world);
     inputs.add_wrench("f0", x, Axes::body);

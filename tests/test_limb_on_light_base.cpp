@@ -97,7 +97,7 @@ Results results(const Parts<Scalar>& assembly, const std::vector<test::NamedInpu
     }
     return out;
   }
-  detail::ResultMemory<Scalar> memory(tree.n_v(), in.columns());
+  detail::ResultMemory<Scalar> memory(tree, in);
   auto B = memory.Bhat(in.columns());
   detail::Sweep<Tree<Scalar>, 1>{tree, in}(ws, B);
   out.sweep = B.template cast<long double>();

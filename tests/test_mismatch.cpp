@@ -11,7 +11,9 @@
 #include <iim/task.hpp>
 #include <iim/unit_force.hpp>
 
+#include <limits>
 #include <utility>
+#include <vector>
 
 #ifndef NDEBUG
 #error "this test is about programs without assertions"
@@ -202,6 +204,67 @@ TEST_CASE("inputs of another robot, and inputs that were added too late")
   const auto fd = a.pass();
   CHECK(after(fd).ok());
   CHECK(is_mismatch(tasks(fd, after(fd))));
+}
+
+TEST_CASE("inputs that others are assigned to")
+{
+  Robot a{Tree(robot(1))}, b{Tree(robot(2))};
+  Inputs<Tree> wrist(a.tree, Start::empty), hand(a.tree, Start::empty);
+  wrist.add_motor("link1");
+  hand.add_motor("hand");
+  REQUIRE(wrist.max_columns() == hand.max_columns());
+  Inputs<Tree> inputs = wrist;
+  ImplicitInversion method(a.tree, inputs);
+  CHECK(method(a.pass()).ok());
+  inputs = hand;
+  CHECK(is_mismatch(method(a.pass())));
+  CHECK(is_mismatch(method(a.state.q, a.state.qd, a.ws)));
+  inputs = wrist;
+  CHECK(method(a.pass()).ok());
+  Inputs<Tree> theirs(b.tree, Start::empty);
+  theirs.add_motor("link1");
+  inputs = theirs;
+  CHECK(is_mismatch(method(b.pass())));
+  CHECK(is_mismatch(method(b.state.q, b.state.qd, b.ws)));
+}
+
+TEST_CASE("several states: sizes of q, q̇ and u, and inputs that were added too late")
+{
+  Robot a{Tree(robot(1))};
+  SeveralStates several(robot(1), a.inputs);
+  constexpr Index count = 11;
+  const Index n = a.tree.n_v(), m = a.inputs.columns();
+  const Eigen::MatrixXd q = a.state.q.replicate(1, count), qd = a.state.qd.replicate(1, count),
+                        u = a.state.u.replicate(1, count);
+  std::vector<Outcome> outcomes(count);
+  Eigen::MatrixXd qdd(n, count), Bhat(n * m, count);
+  const auto refused = [&](const Eigen::MatrixXd& q_k, const Eigen::MatrixXd& qd_k) {
+    CHECK(several.evaluate(q_k, qd_k, qdd, Bhat, outcomes) == count);
+    CHECK(outcomes == std::vector<Outcome>(count, {Status::mismatch, -1}));
+    CHECK(qdd.array().isNaN().all());
+    CHECK(Bhat.array().isNaN().all());
+    Index seen = 0;
+    several.for_each(q_k, qd_k, [&](Index, const auto& dynamics) {
+      ++seen;
+      CHECK(is_mismatch(dynamics));
+      CHECK(is_nan(dynamics));
+    });
+    CHECK(seen == count);
+    CHECK(several.accelerations(q_k, qd_k, u, qdd, outcomes) == count);
+    CHECK(qdd.array().isNaN().all());
+  };
+  REQUIRE(several.evaluate(q, qd, qdd, Bhat, outcomes) == 0);
+  refused(Eigen::MatrixXd::Zero(a.tree.n_q() + 99, count), qd);
+  refused(q.topRows(1), qd);
+  refused(q, qd.topRows(1));
+  refused(q, qd.leftCols(1));
+  CHECK(several.accelerations(q, qd, Eigen::MatrixXd::Zero(m + 99, count), qdd, outcomes) == count);
+  CHECK(several.accelerations(q, qd, u.leftCols(1), qdd, outcomes) == count);
+  CHECK(outcomes == std::vector<Outcome>(count, {Status::mismatch, -1}));
+  CHECK(several.accelerations(q, qd, u, qdd, outcomes) == 0);
+  REQUIRE(several.evaluate(q, qd, qdd, Bhat, outcomes) == 0);
+  a.inputs.add_wrench("hand");
+  refused(q, qd);
 }
 
 TEST_CASE("several states of another assembly")

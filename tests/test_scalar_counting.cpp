@@ -35,7 +35,7 @@ struct Scenario {
 
   static Inputs<Tree> make(const Tree& tree, bool motors, Index contacts)
   {
-    Inputs<Tree> inputs(tree, motors ? Inputs<Tree>::Start::all_motors : Inputs<Tree>::Start::empty);
+    Inputs<Tree> inputs(tree, motors ? Start::all_motors : Start::empty);
     for (Index k = 0; k < contacts; ++k) { inputs.add_force(tree.name(tree.size() - 1)); }
     return inputs;
   }

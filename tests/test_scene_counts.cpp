@@ -24,7 +24,7 @@ using Tree = decltype(DynamicTree(std::declval<Parts>()));
 /// A robot, its inputs, a state.
 struct Robot {
   Tree tree;
-  Inputs<Tree> inputs{tree, Inputs<Tree>::Start::empty};
+  Inputs<Tree> inputs{tree, Start::empty};
   Workspace<Tree> ws{tree};
   VectorX<Counted> q, qd;
 

@@ -145,7 +145,7 @@ TEST_CASE("A four-bar is a cut tree with Lagrange multipliers; a parallelogram i
     const double coupler = speed * m.crank * std::sin(q - angles(1)) / (m.coupler * std::sin(angles(1) - angles(0)));
     rate << random.uniform(-1, 1), speed, coupler - speed, random.uniform(-1, 1), rocker;
     const auto inputs_of = [](const auto& t) {
-      Inputs<std::remove_cvref_t<decltype(t)>> inputs(t, Inputs<std::remove_cvref_t<decltype(t)>>::Start::empty);
+      Inputs<std::remove_cvref_t<decltype(t)>> inputs(t, Start::empty);
       for (const char* name : {"base", "bars", "load"}) { inputs.add_motor(name); }
       inputs.add_wrench("load");
       return inputs;

@@ -146,7 +146,7 @@ TEST_CASE("A helical joint is a cylindrical composition with displacement and an
     Eigen::VectorXd q(10);
     q << state.q.head(8), lead * state.q(7), state.q(8);
     // All generalised forces as inputs: the base's six as a wrench in its own axes.
-    Inputs<std::remove_cvref_t<decltype(free)>> unit(free, decltype(unit)::Start::empty);
+    Inputs<std::remove_cvref_t<decltype(free)>> unit(free, Start::empty);
     unit.add_wrench("base", Vec3::Zero(), Axes::body);
     for (const char* name : {"between0", "link", "load"}) { unit.add_motor(name); }
     const Answer f = solve(free, unit, q, J * state.qd);
@@ -154,7 +154,7 @@ TEST_CASE("A helical joint is a cylindrical composition with displacement and an
     const Eigen::MatrixXd M_free = f.Bhat.inverse();
     const Eigen::MatrixXd M = J.transpose() * M_free * J;
 
-    Inputs<std::remove_cvref_t<decltype(one)>> own(one, decltype(own)::Start::empty);
+    Inputs<std::remove_cvref_t<decltype(one)>> own(one, Start::empty);
     own.add_wrench("base", Vec3::Zero(), Axes::body);
     for (const char* name : {"link", "load"}) { own.add_motor(name); }
     const Answer a = solve(one, own, state.q, state.qd);
@@ -214,7 +214,7 @@ TEST_CASE("A ball is three hinges in other coordinates")
     CHECK(relative_error(x.Bhat, y.Bhat) < allowed);
 
     // Moments on the ball are inputs in body axes: those of a couple on the link, with its reaction on the inlet.
-    Inputs<std::remove_cvref_t<decltype(one)>> motors(one), wrenches(one, decltype(wrenches)::Start::empty);
+    Inputs<std::remove_cvref_t<decltype(one)>> motors(one), wrenches(one, Start::empty);
     wrenches.add_wrench("link", Vec3::Zero(), Axes::body);
     wrenches.add_wrench("base", s.on.p, Axes::body);
     const Eigen::MatrixXd couple = solve(one, motors, q, qd).Bhat.middleCols<3>(0);

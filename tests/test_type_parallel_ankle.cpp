@@ -108,9 +108,8 @@ TEST_CASE("A parallel ankle is a cut tree with Lagrange multipliers")
           ddot.x() / std::cos(std::asin(d.x()));
     }
     const DynamicTree a(closed), b(open);
-    Inputs of_a(a, Inputs<DynamicTree<RevoluteLink<double>, MotorArm<double>, UniversalLink<double>,
-                                      ParallelAnkle<double>>>::Start::empty);
-    auto of_b = decltype(of_a)(b, decltype(of_a)::Start::empty);
+    Inputs of_a(a, Start::empty);
+    auto of_b = decltype(of_a)(b, Start::empty);
     for (auto* inputs : {&of_a, &of_b}) {
       inputs->add_motor("base");
       inputs->add_motor("load");

@@ -38,7 +38,7 @@ double difference(Random& random)
   one.set_gravity(gravity);
   all.set_gravity(gravity);
   const DynamicTree a(one), b(all);
-  Inputs inputs(a), full(b, Inputs<std::remove_const_t<decltype(b)>>::Start::empty);
+  Inputs inputs(a), full(b, Start::empty);
   inputs.add_wrench("load");
   // All generalised forces of the open tree, then the wrench.
   full.add_wrench("base", Vec3::Zero(), Axes::body);

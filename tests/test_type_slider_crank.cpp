@@ -68,7 +68,7 @@ struct Surroundings {
 template <class Tree>
 Inputs<Tree> inputs_of(const Tree& tree, const std::string& drive)
 {
-  Inputs<Tree> inputs(tree, Inputs<Tree>::Start::empty);
+  Inputs<Tree> inputs(tree, Start::empty);
   for (const std::string& name : {std::string("base"), drive, std::string("load")}) { inputs.add_motor(name); }
   inputs.add_wrench("load");
   return inputs;

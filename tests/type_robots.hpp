@@ -63,7 +63,7 @@ template <class Tree>
 Multipliers cut_loops(const Tree& tree, const Inputs<Tree>& inputs, const std::vector<Cut>& cuts,
                       const Eigen::VectorXd& q, const Eigen::VectorXd& qd)
 {
-  Inputs<Tree> motors(tree), points(tree, Inputs<Tree>::Start::empty);
+  Inputs<Tree> motors(tree), points(tree, Start::empty);
   for (const Cut& cut : cuts) {
     points.add_force(cut.frame_a, cut.point_a);
     points.add_force(cut.frame_b, cut.point_b);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cassert>
 #include <concepts>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
 
@@ -63,8 +64,11 @@ namespace detail {
 template <class Scalar>
 class ResultMemory {
 public:
-  ResultMemory(Index n_v, Index max_columns)
-      : stride_(column_stride<Scalar>(n_v)), max_columns_(max_columns), qdd0_(n_v), Bhat_(stride_ * max_columns)
+  /// Throws ModelError if the inputs are those of another tree.
+  template <class Tree, class Inputs>
+  ResultMemory(const Tree& tree, const Inputs& inputs)
+      : inputs_id_(inputs.id()), stride_(column_stride<Scalar>(tree.n_v())), max_columns_(inputs.max_columns_on(tree)),
+        qdd0_(tree.n_v()), Bhat_(stride_ * max_columns_)
   {
     Bhat_.setZero();  // what stands between columns stays so, for methods that work on whole registers
   }
@@ -76,13 +80,13 @@ public:
   }
   VectorX<Scalar>& qdd0() { return qdd0_; }
 
-  /// `status`, or Status::mismatch if there is no room for all of these inputs.
+  /// `status`, or Status::mismatch if these are other inputs than the method was made for.
   template <class Inputs>
   Status status_on(const Inputs& inputs, Status status) const
   {
-    const bool fits = inputs.max_columns() == max_columns_;
-    assert(fits && "inputs were added after the method was made");
-    return fits ? status : Status::mismatch;
+    const bool same = inputs.id() == inputs_id_;
+    assert(same && "inputs were added, or others assigned, after the method was made");
+    return same ? status : Status::mismatch;
   }
 
   AffineDynamics<Scalar> result(Index columns, Status status, Index subsystem)
@@ -99,6 +103,7 @@ public:
   }
 
 private:
+  std::uint64_t inputs_id_;
   Index stride_;
   Index max_columns_;
   VectorX<Scalar> qdd0_;

@@ -36,7 +36,7 @@ public:
   GlobalInverse(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), limbs_(tree), equations_(tree, inputs),
         cholesky_(factorization == Factorization::dense ? detail::Limbs::unbranched(tree.n_v()) : limbs_),
-        X_(tree.n_v() * widest), result_(tree.n_v(), inputs.max_columns_on(tree))
+        X_(tree.n_v() * widest), result_(tree, inputs)
   {
     if constexpr (factorization == Factorization::dense) {
       dense_.resize(detail::padded<Scalar>(tree.n_v()), tree.n_v());

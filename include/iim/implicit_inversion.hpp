@@ -161,7 +161,7 @@ public:
 protected:
   /// With another number of columns from which the product form is used: to measure.
   ImplicitInversion(const Tree& tree, const Inputs<Tree>& inputs, Index product_from)
-      : inputs_(&inputs), product_from_(product_from), result_(tree.n_v(), inputs.max_columns_on(tree))
+      : inputs_(&inputs), product_from_(product_from), result_(tree, inputs)
   {
     if (product_from_ <= inputs.max_columns()) { product_.emplace(tree, inputs); }
     if (product_from_ > 0) { sweep_.emplace(tree, inputs); }

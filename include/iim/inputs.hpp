@@ -9,6 +9,7 @@
 
 #include <cassert>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
 namespace iim {
@@ -43,6 +44,9 @@ struct Input {
   bool active = true;
 };
 
+/// What inputs begin with: all motors of the tree, in the order of its subsystems, or nothing.
+enum class Start { all_motors, empty };
+
 namespace detail {
 
 /// Differs after every change of what it is a member of, assignment of the whole among them.
@@ -72,9 +76,6 @@ class InputBlocks {
 public:
   using Scalar = Scalar_;
   using Id = Index;  ///< number of a block, in the order of adding
-
-  /// Whether to begin with all motors of the tree, in the order of its subsystems.
-  enum class Start { all_motors, empty };
 
   /// The motor inputs of one subsystem. Throws ModelError if it does not exist, has none, or is in already.
   Id add_motor(const std::string& subsystem)
@@ -113,6 +114,8 @@ public:
   }
 
   const TreeData<Scalar>& tree() const { return *tree_; }
+  /// Another number than that of inputs with other blocks: what copies have in common, whichever blocks are active.
+  std::uint64_t id() const { return id_; }
   Index columns() const { return columns_; }  ///< active columns: the width of B̂, the length of u, the paper's m
   Index changes() const { return changes_; }  ///< another number than before: blocks may have been switched
   Index max_columns() const { return max_columns_; }  ///< columns if all blocks are active
@@ -161,6 +164,7 @@ protected:
   Id append(const Input<Scalar>& input)
   {
     blocks_.push_back(input);
+    id_ = next_id();
     max_columns_ += input.size;
     count();
     return blocks() - 1;
@@ -206,6 +210,7 @@ private:
   Index columns_ = 0;
   Index max_columns_ = 0;
   ChangeCount changes_;
+  std::uint64_t id_ = next_id();
 };
 
 }  // namespace detail
@@ -219,7 +224,7 @@ class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
 
 public:
   using typename Blocks::Scalar;
-  using typename Blocks::Start;
+  using Start = iim::Start;
 
   [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : Blocks(tree, start) {}
   explicit Inputs(const Tree&&, Start = Start::all_motors) = delete;
@@ -229,7 +234,7 @@ public:
   Inputs<Other> on(const Other& tree) const
   {
     using T = typename Other::Scalar;
-    Inputs<Other> other(tree, Inputs<Other>::Start::empty);
+    Inputs<Other> other(tree, Start::empty);
     for (Index id = 0; id < this->blocks(); ++id) {
       const Input<Scalar>& input = this->block(id);
       other.append({input.kind, input.name, input.size, input.subsystem, input.frame, input.point.template cast<T>(),
@@ -237,6 +242,8 @@ public:
     }
     return other;
   }
+  template <class Other>
+  Inputs<Other> on(const Other&&) const = delete;
 
   const Tree& tree() const { return static_cast<const Tree&>(Blocks::tree()); }
 

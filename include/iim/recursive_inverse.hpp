@@ -39,8 +39,7 @@ public:
       : tree_(&tree), limbs_(tree), B_(tree, inputs), stride_(detail::padded<Scalar>(tree.n_v()) + lanes),
         p_(Six::Zero(stride_, 6)), of_frame_(tree),
         Vdot_(static_cast<std::size_t>(of_frame_.count()), Six::Zero(stride_, 6)),
-        root_end_(static_cast<std::size_t>(tree.size())), Minv_(stride_, tree.n_v()),
-        result_(tree.n_v(), inputs.max_columns_on(tree))
+        root_end_(static_cast<std::size_t>(tree.size())), Minv_(stride_, tree.n_v()), result_(tree, inputs)
   {
     Minv_.setZero();
     for (const Node& node : tree.nodes()) {
@@ -292,7 +291,6 @@ private:
   const Tree* tree_;
   detail::Limbs limbs_;
   detail::InputMatrix<Tree> B_;
-  Index max_columns_;
   Index stride_;  // n_v, padded so that lanes may begin at any column
   Six p_;
   detail::FrameBuffers of_frame_;

@@ -6,6 +6,8 @@
 //     several.for_each(q, qd, [&](Index state, const auto& dynamics) { … });         // while it is in the cache
 //     several.for_each_pack(q, qd, [&](const auto& pack) { … });                     // and without leaving the lanes
 //
+// Wrong sizes of q, q̇ or u, and inputs that were added since, are a Status::mismatch of every state.
+//
 // The last pack is filled up with copies of the last state. A pack with a lane that has no result, or whose lanes would
 // have to take different branches, is computed again state by state: statuses are those of the single-state path.
 #pragma once
@@ -24,6 +26,7 @@
 #include <array>
 #include <cassert>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <type_traits>
@@ -123,10 +126,18 @@ public:
   template <Scene scene = Scene{}, class Q, class V, class F>
   void for_each_pack(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, F&& f)
   {
-    check(q, qd);
-    follow_inputs();
+    const bool fit = fits(q, qd);
+    if (fit) { follow_inputs(); }
     for (Index first = 0; first < q.cols(); first += lanes) {
       const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
+      if (!fit) {
+        outcome_.fill(Outcome{Status::mismatch, -1});
+        qdd_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+        Bhat_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+        const Index m = std::min(inputs_->columns(), lane_inputs_.max_columns());
+        f(PackDynamics{first, count, {qdd_.data(), qdd_.size()}, {Bhat_.data(), qdd_.size(), m}, outcome_});
+        continue;
+      }
       load(q.derived(), first, count, q_);
       load(qd.derived(), first, count, qd_);
       LaneVote::reset();
@@ -183,6 +194,11 @@ public:
     assert(Bhat.rows() == n * inputs_->columns() && Bhat.cols() == q.cols() && "Bhat must be (n_v·m) × N");
     assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
     Index failed = 0;
+    if (!fits(q, qd)) {
+      qdd0.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      Bhat.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      return refuse(outcomes);
+    }
     for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
       detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * n, n);
       detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.rows(),
@@ -198,11 +214,15 @@ public:
   Index accelerations(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, const Eigen::MatrixBase<U>& u,
                       MatrixX<Scalar>& qdd, std::span<Outcome> outcomes)
   {
-    check(q, qd);
-    follow_inputs();
     const Index m = inputs_->columns();
     const Index n = tree().n_v();
-    assert(u.rows() == m && u.cols() == q.cols() && "u must be m × N");
+    const bool u_fits = u.rows() == m && u.cols() == q.cols();
+    assert(u_fits && "u must be m × N");
+    if (!fits(q, qd) || !u_fits) {
+      qdd.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      return refuse(outcomes);
+    }
+    follow_inputs();
     assert(qdd.rows() == n && qdd.cols() == q.cols() && "qdd must be n_v × N");
     assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
     Index failed = 0;
@@ -263,12 +283,21 @@ private:
     }
   }
 
+  /// Whether q and q̇ have the tree's sizes, and the inputs are those that this was made for.
   template <class Q, class V>
-  void check([[maybe_unused]] const Eigen::MatrixBase<Q>& q, [[maybe_unused]] const Eigen::MatrixBase<V>& qd) const
+  bool fits(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd) const
   {
-    assert(q.rows() == tree().n_q() && "q must have n_q rows");
-    assert(qd.rows() == tree().n_v() && qd.cols() == q.cols() && "qd must be n_v × N");
-    assert(inputs_->blocks() == lane_inputs_.blocks() && "inputs were added after SeveralStates was made");
+    const bool q_fits = q.rows() == lane_tree_.n_q(), qd_fits = qd.rows() == lane_tree_.n_v() && qd.cols() == q.cols(),
+               same = inputs_->id() == inputs_id_;
+    assert(q_fits && "q must have n_q rows");
+    assert(qd_fits && "qd must be n_v × N");
+    assert(same && "inputs were added, or others assigned, after SeveralStates was made");
+    return q_fits && qd_fits && same;
+  }
+  static Index refuse(std::span<Outcome> outcomes)
+  {
+    std::fill(outcomes.begin(), outcomes.end(), Outcome{Status::mismatch, -1});
+    return static_cast<Index>(outcomes.size());
   }
 
   void follow_inputs()
@@ -309,6 +338,7 @@ private:
   }
 
   const Inputs<Tree>* inputs_;
+  std::uint64_t inputs_id_ = inputs_->id();
   Workspace<Tree, update> workspace_;  // for states by themselves
   ImplicitInversion<Tree> method_;
   LaneTree lane_tree_;

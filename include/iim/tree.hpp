@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <concepts>
 #include <cstddef>
 #include <string>
@@ -315,11 +316,16 @@ VectorX<typename Tree::Scalar> neutral(const Tree& tree)
 
 /// rate = dq/dt at the coordinates q (n_q) for the velocities q̇ (n_v): what an integrator adds up. q̇ itself but for
 /// types like a floating base, whose quaternion it turns; of that no step keeps the length, which the integrator must
-/// divide out again.
+/// divide out again. A rate of another size than n_q becomes one of n_q, which allocates; a block must have it.
 template <detail::IsTree Tree, class Q, class V, class Rate>
-void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
-                     Eigen::MatrixBase<Rate>& rate)
+void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Rate&& rate)
 {
+  assert(q.size() == tree.n_q() && "q must have n_q entries");
+  assert(qd.size() == tree.n_v() && "qd must have n_v entries");
+  if constexpr (requires { rate.resize(tree.n_q()); }) {
+    if (rate.size() != tree.n_q()) { rate.resize(tree.n_q()); }
+  }
+  assert(rate.size() == tree.n_q() && "rate must have n_q entries");
   tree.outward([&]<class S>(const Node& node, const S& s) {
     const detail::Coordinates<S> own = q.template segment<S::n_q>(node.q);
     const detail::Velocities<S> velocity = qd.template segment<S::n_i>(node.v);

@@ -48,11 +48,24 @@ struct FrameReference {
 
 namespace detail {
 
+/// Another number each time, in the whole program.
+inline std::uint64_t next_id()
+{
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
+
 /// What both kinds of tree keep: names, placements, bodies, numbers of coordinates.
 template <class Scalar_>
 class TreeData {
 public:
   using Scalar = Scalar_;
+
+  TreeData() = default;
+  TreeData(const TreeData&) = default;
+  TreeData(TreeData&&) = default;
+  /// Nothing is assigned to a tree: workspaces, inputs and methods keep numbers of it.
+  TreeData& operator=(const TreeData&) = delete;
 
   Index size() const { return static_cast<Index>(nodes_.size()); }  ///< number of subsystems
   Index n_q() const { return n_q_; }                                ///< number of coordinates
@@ -229,12 +242,6 @@ private:
     for (Index i = 0; i < size(); ++i) {
       deepest_first_[static_cast<std::size_t>(--end[static_cast<std::size_t>(depth(i))])] = i;
     }
-  }
-
-  static std::uint64_t next_id()
-  {
-    static std::atomic<std::uint64_t> last{0};
-    return ++last;
   }
 
   std::uint64_t id_ = next_id();

@@ -26,8 +26,7 @@ public:
   using Scalar = typename Tree::Scalar;
 
   UnitForcePublished(const Tree& tree, const Inputs<Tree>& inputs)
-      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns_on(tree)),
-        result_(tree.n_v(), inputs.max_columns())
+      : inputs_(&inputs), workspace_(tree), unit_(inputs.max_columns_on(tree)), result_(tree, inputs)
   {
     unit_.setZero();
   }
@@ -85,7 +84,7 @@ public:
   using Scalar = typename Tree::Scalar;
 
   UnitForce(const Tree& tree, const Inputs<Tree>& inputs)
-      : inputs_(&inputs), sweep_(tree, inputs), result_(tree.n_v(), inputs.max_columns_on(tree))
+      : inputs_(&inputs), sweep_(tree, inputs), result_(tree, inputs)
   {
   }
   UnitForce(const Tree&&, const Inputs<Tree>&) = delete;

@@ -105,7 +105,7 @@ struct UrdfRobot {
 
   /// Where the numbers of a joint are in a tree made from the assembly: .q, .v, .u. Throws ModelError as joint does.
   template <class Tree>
-  const Node& node(const Tree& tree, const std::string& joint_name) const
+  Node node(const Tree& tree, const std::string& joint_name) const
   {
     return tree.node(tree.index(joint(joint_name).link));
   }

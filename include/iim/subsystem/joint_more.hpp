@@ -251,26 +251,6 @@ struct Spherical {
   }
 };
 
-/// A rigid link on a ball: RigidLink<Spherical> with the joint's coordinates.
-template <class Scalar_>
-struct SphericalLink : RigidLink<Spherical<Scalar_>> {
-  using Scalar = Scalar_;
-
-  Eigen::Matrix<Scalar, 4, 1> neutral() const { return this->joint.neutral(); }
-
-  Eigen::Matrix<Scalar, 4, 1> coordinate_rate(const Eigen::Matrix<Scalar, 4, 1>& q,
-                                              const Eigen::Matrix<Scalar, 3, 1>& qd) const
-  {
-    return this->joint.coordinate_rate(q, qd);
-  }
-
-  template <class T>
-  SphericalLink<T> cast() const
-  {
-    return {{{}, this->body.template cast<T>()}};
-  }
-};
-
 template <class Scalar>
 using HelicalLink = RigidLink<Helical<Scalar>>;
 template <class Scalar>
@@ -279,6 +259,8 @@ template <class Scalar>
 using UniversalLink = RigidLink<Universal<Scalar>>;
 template <class Scalar>
 using PlanarLink = RigidLink<Planar<Scalar>>;
+template <class Scalar>
+using SphericalLink = RigidLink<Spherical<Scalar>>;
 
 static_assert(Subsystem<HelicalLink<double>>);
 static_assert(Subsystem<CylindricalLink<double>>);

@@ -49,6 +49,18 @@ struct RigidLink {
     return joint.own_twist();
   }
 
+  auto neutral() const
+    requires requires(const Joint& j) { j.neutral(); }
+  {
+    return joint.neutral();
+  }
+
+  auto coordinate_rate(const Eigen::Matrix<Scalar, n_q, 1>& q, const Eigen::Matrix<Scalar, n_i, 1>& qd) const
+    requires requires(const Joint& j) { j.coordinate_rate(q, qd); }
+  {
+    return joint.coordinate_rate(q, qd);
+  }
+
   Body<Scalar>& fixed_body() { return body; }
   std::array<CarriedBody<Scalar>, 1> bodies() const { return {{{0, body}}}; }
 
