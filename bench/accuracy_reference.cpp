@@ -49,8 +49,8 @@ Parts orthonormal(const Parts& parts)
 class Exact {
 public:
   Exact(const AccuracyScene& scene, const Parts& parts)
-      : tree(parts), inputs(accuracy_inputs(scene, tree)), none_(tree, iim::Start::empty),
-        workspace_(tree), unit_force_(tree, inputs), inverse_(tree, none_), mass_matrix_(tree, inputs)
+      : tree(parts), inputs(accuracy_inputs(scene, tree)), none_(tree, iim::Start::empty), workspace_(tree),
+        unit_force_(tree, inputs), inverse_(tree, none_), mass_matrix_(tree, inputs)
   {
   }
   Exact(const Exact&) = delete;

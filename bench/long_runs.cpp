@@ -48,8 +48,8 @@ struct Conserved {
 class Balance {
 public:
   explicit Balance(const Parts& parts)
-      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Start::empty),
-        workspace_(tree_), mass_matrix_(tree_, inputs_)
+      : tree_(parts.cast<long double>()), inputs_(tree_, iim::Start::empty), workspace_(tree_),
+        mass_matrix_(tree_, inputs_)
   {
   }
   Balance(const Balance&) = delete;

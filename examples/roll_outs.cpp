@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <random>
 #include <string>
@@ -71,6 +72,14 @@ VectorXd cost(const Q& q, const V& qd, const VectorXd& target)
   return 20 * (q.colwise() - target).colwise().squaredNorm().transpose() + qd.colwise().squaredNorm().transpose();
 }
 
+/// Courses that lead to a state without a result have no weight. (Their states are NaN from then on, and fail again.)
+void exclude(const std::vector<iim::Outcome>& outcomes, Eigen::Ref<VectorXd> costs)
+{
+  for (std::size_t k = 0; k < outcomes.size(); ++k) {
+    if (!outcomes[k].ok()) { costs(static_cast<Index>(k)) = std::numeric_limits<double>::infinity(); }
+  }
+}
+
 /// One core's share of the roll-outs: samples first … first + count. Adds their costs.
 void roll_out(Several& several, const Courses& courses, const VectorXd& q0, const VectorXd& qd0, const VectorXd& target,
               Index first, Index count, VectorXd& costs)
@@ -78,9 +87,10 @@ void roll_out(Several& several, const Courses& courses, const VectorXd& q0, cons
   MatrixXd q = q0.replicate(1, count), qd = qd0.replicate(1, count), qdd(n, count);
   std::vector<iim::Outcome> outcomes(static_cast<std::size_t>(count));
   for (const MatrixXd& u : courses) {
-    several.accelerations(q, qd, u.middleCols(first, count), qdd, outcomes);
+    const Index failed = several.accelerations(q, qd, u.middleCols(first, count), qdd, outcomes);
     integrate(q, qd, qdd);
     costs.segment(first, count) += cost(q, qd, target);
+    if (failed > 0) { exclude(outcomes, costs.segment(first, count)); }
   }
 }
 

@@ -4,6 +4,7 @@
 #include "random_tree.hpp"
 
 #include <limits>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -32,6 +33,10 @@ Tree robot()
 }
 
 }  // namespace
+
+static_assert(!std::is_copy_assignable_v<Tree> && !std::is_move_assignable_v<Tree>);
+static_assert(std::is_copy_constructible_v<Tree> && std::is_copy_assignable_v<Inputs<Tree>>);
+static_assert(!std::is_constructible_v<Inputs<Tree>, Tree, Start>);
 
 TEST_CASE("all motors stand first, in the order of subsystems", "[inputs]")
 {

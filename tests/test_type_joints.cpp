@@ -276,4 +276,15 @@ TEST_CASE("Joints refuse what they cannot be")
   const auto receipt = forward_dynamics(Eigen::Vector4d(0, 0, 0, 2), Vec3::Zero(), ws);
   CHECK(receipt.status() == Status::invalid_state);
   CHECK(receipt.subsystem() == 0);
+  CHECK(forward_dynamics(neutral(tree), Vec3::Zero(), ws).ok());
+
+  const Vec3 omega(0.2, -0.4, 0.6);
+  const Eigen::Vector4d expected(0.1, -0.2, 0.3, 0);
+  Eigen::VectorXd rate;
+  coordinate_rate(tree, neutral(tree), omega, rate);
+  CHECK(rate == expected);
+  Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(4, 2);
+  coordinate_rate(tree, neutral(tree), omega, rates.col(1));
+  CHECK(rates.col(0).isZero(0));
+  CHECK(rates.col(1) == expected);
 }
