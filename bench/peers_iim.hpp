@@ -47,7 +47,7 @@ inline iim::StandardAssembly<double> assembly(const Model& model)
 /// All of `model`'s inputs, in the order of its columns.
 inline Inputs choose_inputs(const Tree& tree, const Model& model)
 {
-  Inputs inputs(tree, Start::empty);
+  Inputs inputs(tree, iim::Start::empty);
   for (const Joint& joint : model.joints) {
     for (const int v : model.motors) {
       if (v == joint.v) { inputs.add_motor(joint.name); }
@@ -88,7 +88,7 @@ private:
 inline double condition_of_inertia_matrix(const Model& model, const State& state)
 {
   const Tree tree(assembly(model));
-  Inputs inputs(tree, Start::empty);
+  Inputs inputs(tree, iim::Start::empty);
   for (Index i = 0; i < tree.size(); ++i) {
     tree.visit(i, [&]<class N, class S>(const N&, const S&) {
       if constexpr (std::is_same_v<S, iim::FloatingBase<double>>) {

@@ -47,7 +47,7 @@ iim::Inputs<Tree<Scalar>> inputs(const SceneId& scene, const Tree<Scalar>& tree)
     for (const char* contact : iim::models::biped_contacts) { inputs.add_force(contact); }
     return inputs;
   }
-  Inputs inputs(tree, Start::empty);
+  Inputs inputs(tree, iim::Start::empty);
   for (Index i = scene.n - scene.m; i < scene.n; ++i) { inputs.add_motor("link" + std::to_string(i)); }
   return inputs;
 }
