@@ -13,10 +13,6 @@
 #include <string>
 #include <vector>
 
-#ifndef IIM_SHARED_DIR
-#define IIM_SHARED_DIR "../shared"
-#endif
-
 namespace bench {
 
 namespace {
@@ -68,7 +64,8 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
   report.paragraph(
       "Errors are relative, Frobenius norm, the worst of the scene's random states (seed 4711), against 80 digits by "
       "the "
-      "library's headers; up to 64 velocities these agree with the paper's global matrices as printed, solved by "
+      "library's headers; up to 64 velocities these agree, at the first state of each scene, with the paper's global "
+      "matrices as printed, solved by "
       "Gaussian "
       "elimination, to 50 digits. «Componentwise» is max |ΔB̂_ij| / √(M⁻¹_ii (BᵀM⁻¹B)_jj). «Residual» is "
       "‖M b̂ − b‖₁ / (‖M‖₁ ‖b̂‖₁ ε) as LAPACK's tests scale it (there 30 passes), the worst column. «One ε in the data» "

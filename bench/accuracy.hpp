@@ -71,7 +71,8 @@ struct Outcome {
 /// All scenes. states: so many for each; 0: as many as the report needs.
 std::vector<AccuracyScene> accuracy_scenes(bool quick, int states = 0);
 
-/// Throws std::runtime_error if the library with 80 digits and the paper's formulas as printed do not agree (n_v ≤ 64).
+/// Throws std::runtime_error if the library with 80 digits and the paper's formulas as printed do not agree at the
+/// first state (n_v ≤ 64).
 AccuracyReference accuracy_reference(const AccuracyScene& scene);
 
 /// All variants in one Scalar. float, double and long double are compiled apart.

@@ -3,8 +3,9 @@
 //
 //     iim_peers --out DIR [--quick] [--robots DIR] [--longest N]      leaves DIR/peers.md and DIR/peers.svg
 //
-// Before any time is taken, every path of every library must agree with iim on q̈₀ and B̂ at the states of the pool;
-// one that does not is a failure of the program. A library that is not installed, or that fails on a model, is named.
+// Before any time is taken, every path of every library must agree with iim on q̈₀ and B̂ at the states of the pool (of
+// more than 100 velocities: at the first of them); one that does not is a failure of the program. A library that is not
+// installed, or that fails at the first state of a model, is named.
 #include "peers.hpp"
 
 #include "machine.hpp"
@@ -32,10 +33,6 @@
 #include <string>
 #include <utility>
 #include <vector>
-
-#ifndef IIM_SHARED_DIR
-#define IIM_SHARED_DIR "../shared"
-#endif
 
 namespace {
 
@@ -258,7 +255,8 @@ void write(const Options& options, const std::vector<Row>& rows, const std::vect
   const std::map<std::string, std::string> remarks = what_and_where(rows);
   if (!remarks.empty()) { out << "\n## What could not be compared\n\n"; }
   for (const auto& [what, where] : remarks) { out << "- " << what << " (" << where << ")\n"; }
-  out << "\n## All paths\n\nΔ: largest relative difference from iim over the pool (Frobenius norm). κ(M): condition of "
+  out << "\n## All paths\n\nΔ: largest relative difference from iim over the pool (Frobenius norm; of more than 100 "
+         "velocities at its first state). κ(M): condition of "
          "the inertia matrix, by which an error of ε in its entries is magnified.\n\n";
   details(rows).markdown(out);
   if (!drawn) { std::cout << "no picture: gnuplot is missing or failed\n"; }

@@ -9,6 +9,8 @@
 #include <Eigen/Eigenvalues>
 
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -72,7 +74,10 @@ public:
   {
     return {{"implicit inversion",
              [this](std::size_t k) { last_.emplace(method_(states_[k].q, states_[k].qd, workspace_)); },
-             [this] { return Result{last_->qdd0, last_->Bhat}; }}};
+             [this] {
+               if (!last_->ok()) { throw std::runtime_error(std::string("iim: ") + to_string(last_->status)); }
+               return Result{last_->qdd0, last_->Bhat};
+             }}};
   }
 
 private:
@@ -102,6 +107,9 @@ inline double condition_of_inertia_matrix(const Model& model, const State& state
   iim::ImplicitInversion<Tree> method(tree, inputs);
   const auto dynamics = method(iim::forward_dynamics(state.q, state.qd, workspace));
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(dynamics.Bhat, Eigen::EigenvaluesOnly);
+  if (!dynamics.ok() || !(solver.eigenvalues()(0) > 0)) {
+    throw std::runtime_error("iim: M⁻¹ is not positive definite");
+  }
   return solver.eigenvalues().tail<1>()(0) / solver.eigenvalues()(0);
 }
 

@@ -18,7 +18,7 @@ struct Runner {
   std::function<double(std::size_t evaluations)> seconds;  ///< round and round through the pool
 };
 
-/// Largest relative difference from iim over the pool, Frobenius norm.
+/// Largest relative difference from iim over the states that are compared, Frobenius norm.
 struct Difference {
   double qdd0 = 0;
   double Bhat = 0;

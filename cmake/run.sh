@@ -258,9 +258,13 @@ configure_and_build() {  # configure_and_build FOLDER PRESET [target]
 }
 
 run_test() {
+  preset=${IIM_PRESET:-test}
+  case $preset in  # which compiler a preset is about, unless CXX says otherwise
+    gcc) CXX=${CXX:-g++} ;;
+    clang | clang-others) CXX=${CXX:-clang++} ;;
+  esac
   prepare test
   find_compiler
-  preset=${IIM_PRESET:-test}
   folder=$build/$preset-$(basename "${compiler:-default}")
   configure_and_build "$folder" "$preset"
   say "running the tests"

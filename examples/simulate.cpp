@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -56,7 +57,7 @@ public:
   State rate(const State& x)
   {
     const auto fd = iim::forward_dynamics(x.q, x.qd, ws_);
-    if (!fd.ok()) { std::printf("failed: %s\n", to_string(fd.status())); }
+    if (!fd.ok()) { throw std::runtime_error(to_string(fd.status())); }
     State rate{x.q, fd.qdd0()};
     iim::coordinate_rate(*tree_, x.q, x.qd, rate.q);
     return rate;
