@@ -267,9 +267,32 @@ TEST_CASE("several states: sizes of q, q̇ and u, and inputs that were added too
   refused(q, qd);
 }
 
+TEST_CASE("tasks of one robot, and another's B̂")
+{
+  Robot a{Tree(robot(1))};
+  Tasks tasks(a.tree, a.inputs), none(a.tree, a.inputs);
+  tasks.add_point("hand");
+  const auto fd = a.pass();
+  ImplicitInversion method(a.tree, a.inputs);
+  const auto dynamics = method(fd);
+  CHECK(tasks(fd, dynamics).ok());
+  CHECK(none(fd, dynamics).ok());
+  const Tree small(models::chain<double>(2));
+  const Inputs<Tree> inputs(small);
+  Workspace<Tree> ws(small);
+  ImplicitInversion other(small, inputs);
+  const Eigen::VectorXd q = Eigen::VectorXd::Ones(2);
+  const auto theirs = other(q, q, ws);
+  REQUIRE(theirs.ok());
+  CHECK(is_mismatch(tasks(fd, theirs)));
+}
+
 TEST_CASE("several states of another assembly")
 {
   Robot a{Tree(robot(1))};
+  StandardAssembly<double> on_the_moon = robot(1);
+  on_the_moon.set_gravity({0, 0, -1.6});
+  CHECK_THROWS_WITH(SeveralStates(on_the_moon, a.inputs), Catch::Matchers::ContainsSubstring("gravity"));
   CHECK_NOTHROW(SeveralStates(robot(1), a.inputs));
   CHECK_THROWS_WITH(SeveralStates(robot(2), a.inputs), Catch::Matchers::ContainsSubstring("'hand'"));
   CHECK_THROWS_AS(SeveralStates(models::chain<double>(3), a.inputs), ModelError);

@@ -291,7 +291,7 @@ private:
   /// of one angle share them.
   [[gnu::always_inline]] static inline Lanes sine(const Lanes& angle, int quarter_turns)
   {
-#ifndef __FAST_MATH__  // which would put the parts of π/2 together again
+#if !defined(__FAST_MATH__) && !defined(__ASSOCIATIVE_MATH__)  // which would put the parts of π/2 together again
     const Words magnitude = words(angle) & ~words(Lanes(T(-0.0)));
     if (!any_sign(words(Lanes(BitTraits::largest_angle)) - magnitude)) {
       const Lanes shifted = angle * Lanes(T(2 / std::numbers::pi)) + Lanes(BitTraits::round);

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <initializer_list>
 #include <limits>
 #include <sstream>
 #include <string>
@@ -117,7 +118,7 @@ protected:
     for (Index i = tree.size(); i-- > 0;) {
       const auto k = static_cast<std::size_t>(i);
       const auto& m = subsystems[k];
-      left = std::max(left, (m.F.transpose() * force[k]).norm());
+      left = largest({left, (m.F.transpose() * force[k]).norm()});
       size = std::max({size, (m.Mbar * Vdot[k]).norm(), force[k].norm(), m.hbar.norm()});
       if (tree.node(i).inlet >= 0) {
         force[static_cast<std::size_t>(tree.node(i).parent)] += m.T_ip.transpose() * force[k];
@@ -171,11 +172,11 @@ protected:
     for (std::size_t f = 0; f < frames; ++f) {
       const auto& state = ws.frame(static_cast<Index>(f));
       const Eigen::Matrix3d spin = Rdot[f] * now.R[f].transpose();
-      v_error = std::max({v_error, (spin - skew<double>(now.omega[f])).norm(), (rdot[f] - now.v[f]).norm()});
+      v_error = largest({v_error, (spin - skew<double>(now.omega[f])).norm(), (rdot[f] - now.v[f]).norm()});
       v_size = std::max({v_size, now.v[f].norm(), now.omega[f].norm()});
       const Eigen::Vector3d a =
           vdot[f] - omegadot[f].cross(state.r) - now.omega[f].cross(now.omega[f].cross(state.r)) - tree.gravity();
-      a_error = std::max({a_error, (state.Vdot.head<3>() - a).norm(), (state.Vdot.tail<3>() - omegadot[f]).norm()});
+      a_error = largest({a_error, (state.Vdot.head<3>() - a).norm(), (state.Vdot.tail<3>() - omegadot[f]).norm()});
       a_size = std::max({a_size, a.norm(), omegadot[f].norm()});
     }
     hold("velocity", v_error / v_size, difference_tolerance_);
@@ -192,10 +193,10 @@ protected:
       rate << Vdot[static_cast<std::size_t>(p)], qdd.segment(tree.node(p).v, n_p);
       const Vector6<double> velocity = rows * of_parent;
       const Vector6<double> acceleration = rows * rate + m.T_ip_dot_V_p.head<6>();
-      error = std::max({error, (velocity - V[static_cast<std::size_t>(i)]).norm() / v_size,
-                        (acceleration - Vdot[static_cast<std::size_t>(i)]).norm() / a_size,
-                        m.T_ip.bottomRows(m.T_ip.rows() - 6).norm(),
-                        (m.F - Mat::Identity(m.F.rows(), m.F.rows()).rightCols(m.F.cols())).norm()});
+      error = largest({error, (velocity - V[static_cast<std::size_t>(i)]).norm() / v_size,
+                       (acceleration - Vdot[static_cast<std::size_t>(i)]).norm() / a_size,
+                       m.T_ip.bottomRows(m.T_ip.rows() - 6).norm(),
+                       (m.F - Mat::Identity(m.F.rows(), m.F.rows()).rightCols(m.F.cols())).norm()});
     }
     hold("recursion", error, difference_tolerance_);
     return {power, potential_rate};
@@ -232,6 +233,17 @@ protected:
       found->error = std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
       found->state = at_;
     }
+  }
+
+  /// NaN if one of them is, which std::max passes over.
+  static double largest(std::initializer_list<double> numbers)
+  {
+    double most = 0;
+    for (const double x : numbers) {
+      if (!(x <= most)) { most = x; }
+      if (std::isnan(most)) { break; }
+    }
+    return most;
   }
 
   /// How far below zero the eigenvalues of A reach, against the sum of all, to a factor of 2; 0 if they do not.

@@ -101,8 +101,8 @@ public:
     const std::array<Outcome, static_cast<std::size_t>(lanes)>& outcome;
   };
 
-  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, or of other
-  /// masses.
+  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, with other
+  /// bodies or another gravity. (Axes of joints, motors and springs are not compared.)
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
@@ -266,7 +266,11 @@ private:
   {
     if (lane_tree_.size() != tree().size()) { throw ModelError("the assembly has other parts than the inputs' tree"); }
     const auto differs = [](const Scalar& a, const Pack& b) { return a != b[0]; };
-    const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
+    for (int k = 0; k < 3; ++k) {
+      if (differs(tree().gravity()(k), lane_tree_.gravity()(k))) {
+        throw ModelError("the assembly has another gravity than the inputs' tree");
+      }
+    }
     for (const Node& node : tree().nodes()) {
       const auto& own = tree().placement(node.index);
       const auto& other = lane_tree_.placement(node.index);
@@ -274,13 +278,35 @@ private:
           tree().name(node.index) == lane_tree_.name(node.index) && node.inlet == lane_tree_.node(node.index).inlet;
       for (int k = 0; k < 9; ++k) { same = same && !differs(own.R.data()[k], other.R.data()[k]); }
       for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
-      const Scalar mass = tree().frame_mass(node.frame).mass, off = lane_tree_.frame_mass(node.frame).mass[0] - mass;
-      same = same && off <= roundings * mass && -off <= roundings * mass;
+      const Index end = node.index + 1 < tree().size() ? tree().node(node.index + 1).frame : tree().n_frames();
+      same = same && node.v == lane_tree_.node(node.index).v &&
+             bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index));
+      for (Index f = node.frame; f < end; ++f) {
+        same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f));
+      }
       if (!same) {
         throw ModelError("subsystem '" + tree().name(node.index) +
                          "' is another one in the assembly than in the inputs' tree");
       }
     }
+  }
+
+  /// Up to the roundings in which a body was merged from several.
+  static bool bodies_agree(const FrameMass<Scalar>& a, const FrameMass<Pack>& b)
+  {
+    using std::abs;
+    const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
+    const auto agree = [&](const Scalar& x, const Pack& y, const Scalar& size) {
+      return x == y[0] || abs(x - y[0]) <= roundings * size;
+    };
+    bool same = a.present == b.present && agree(a.mass, b.mass, abs(a.mass));
+    for (int k = 0; k < 3; ++k) {
+      same = same && agree(a.first_moment(k), b.first_moment(k), a.first_moment.cwiseAbs().maxCoeff());
+    }
+    for (int k = 0; k < 9; ++k) {
+      same = same && agree(a.inertia.data()[k], b.inertia.data()[k], a.inertia.cwiseAbs().maxCoeff());
+    }
+    return same;
   }
 
   /// Whether q and q̇ have the tree's sizes, and the inputs are those that this was made for.

@@ -90,7 +90,7 @@ inline void library_sine_cosine(double angle, double& s, double& c) { ::sincos(a
 inline void library_sine_cosine(double angle, double& s, double& c) { s = std::sin(angle), c = std::cos(angle); }
 #endif
 
-#ifdef __FAST_MATH__  // which would put the parts of π/2 together again
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__)  // which would put the parts of π/2 together again
 inline constexpr double largest_reduced_angle = -1;
 #else
 inline constexpr double largest_reduced_angle = 1e4;

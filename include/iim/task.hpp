@@ -141,8 +141,8 @@ public:
   template <class Workspace>
   TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd, const AffineDynamics<Scalar>& affine) &
   {
-    const bool fits = tasks_.empty() || affine.Bhat.cols() <= JB_.cols();
-    assert(fits && "inputs were added after the last task");
+    const bool fits = affine.Bhat.rows() == tree_->n_v() && (tasks_.empty() || affine.Bhat.cols() <= JB_.cols());
+    assert(fits && "B̂ of another tree, or inputs were added after the last task");
     const Status status = fits ? fd.status_on(*tree_, scene) : Status::mismatch;
     if (status != Status::ok) { return result(fits ? affine.Bhat.cols() : 0, status, fd.subsystem()); }
     if (!affine.ok()) { return result(affine.Bhat.cols(), affine.status, affine.subsystem); }
@@ -359,8 +359,9 @@ private:
 
   TaskRows<Scalar> checked(Index m)
   {
-    const bool finite = detail::all_finite(J_) && detail::all_finite(JB_.topLeftCorner(rows_, m)) &&
-                        detail::all_finite(Jdot_qd_.head(rows_)) && detail::all_finite(Vdot0_.head(rows_));
+    const bool finite =
+        rows_ == 0 || (detail::all_finite(J_) && detail::all_finite(JB_.topLeftCorner(rows_, m)) &&
+                       detail::all_finite(Jdot_qd_.head(rows_)) && detail::all_finite(Vdot0_.head(rows_)));
     return result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 

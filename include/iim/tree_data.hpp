@@ -130,7 +130,11 @@ protected:
                 throw ModelError("subsystem '" + part.name +
                                  "': a body on the inlet does not follow the frame (about_frame)");
               }
+              check_frame(part.name, "body", carried.frame, S::n_frames);
               carry(carried);
+            }
+            if constexpr (requires { s.rotors(); }) {
+              for (const auto& rotor : s.rotors()) { check_frame(part.name, "rotor", rotor.frame, S::n_frames); }
             }
             if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
           },
@@ -209,6 +213,14 @@ private:
       }
     }
     return R;
+  }
+
+  static void check_frame(const std::string& name, const char* what, int frame, int n_frames)
+  {
+    if (frame < -1 || frame >= n_frames) {
+      throw ModelError("subsystem '" + name + "' has a " + what + " on frame " + std::to_string(frame) + " of " +
+                       std::to_string(n_frames));
+    }
   }
 
   /// On the last subsystem.

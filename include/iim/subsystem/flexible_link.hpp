@@ -243,12 +243,15 @@ private:
       for (int d = 0; d < n_joint; ++d) {
         const Vector3<Scalar> w = S.template block<3, 1>(3, d);
         root.w.col(d) = w;
-        root.v.col(d) = S.template block<3, 1>(0, d) + detail::cross(w, root.p);
+        root.v.col(d) = S.template block<3, 1>(0, d);
+        if constexpr (!Joint::pattern.about_frame) { root.v.col(d) += detail::cross(w, root.p); }
         root.omega += w * qd(d);
         root.velocity += root.v.col(d) * qd(d);
       }
     }
-    root.a += detail::cross(root.alpha, root.p) + detail::cross(root.omega, detail::cross(root.omega, root.p));
+    if constexpr (!Joint::pattern.about_frame) {
+      root.a += detail::cross(root.alpha, root.p) + detail::cross(root.omega, detail::cross(root.omega, root.p));
+    }
     return ok;
   }
 

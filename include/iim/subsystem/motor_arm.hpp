@@ -134,7 +134,9 @@ using LinearMotorArm = MotorArmOn<Prismatic<Scalar>>;
 
 static_assert(Subsystem<MotorArm<double>>);
 
-/// `body` less the axial inertia of a rotor on it that is going to be modelled by a MotorArm.
+/// `body` less the axial inertia of a rotor on it that is going to be modelled by a MotorArm. The motor's axis is taken
+/// to be in the body's axes: where the MotorArm is attached with a rotation R, give a motor whose axis is R times its
+/// own.
 template <class Scalar>
 Body<Scalar> without_rotor(Body<Scalar> body, const Motor<Scalar>& motor)
 {
