@@ -251,7 +251,36 @@ struct Careless : RevoluteLink<double> {
   void prepare(const std::string& name) { joint.prepare(name); }
 };
 
+/// A link whose body, or rotor, is on a frame that it does not have.
+struct Misplaced : RevoluteLink<double> {
+  int body_frame = 0, rotor_frame = 0;
+
+  std::array<CarriedBody<double>, 1> bodies() const { return {{{body_frame, body}}}; }
+  std::array<Rotor<double, 1>, 1> rotors() const
+  {
+    return {{{rotor_frame, Vector3<double>::UnitZ(), 0.1, Eigen::Matrix<double, 1, 1>(1.0), true}}};
+  }
+};
+
 }  // namespace
+
+TEST_CASE("bodies and rotors on frames that a subsystem does not have")
+{
+  const auto tree_of = [](int body, int rotor) {
+    Misplaced link;
+    link.body.mass = 1;
+    link.body_frame = body;
+    link.rotor_frame = rotor;
+    Assembly<Misplaced> assembly;
+    return DynamicTree(assembly.add("arm", {}, link));
+  };
+  CHECK_NOTHROW(tree_of(0, 0));
+  CHECK_NOTHROW(tree_of(-1, -1));
+  CHECK_THROWS_WITH(tree_of(1, 0), ContainsSubstring("'arm'") && ContainsSubstring("body on frame 1 of 1"));
+  CHECK_THROWS_WITH(tree_of(-2, 0), ContainsSubstring("'arm'") && ContainsSubstring("body on frame -2"));
+  CHECK_THROWS_WITH(tree_of(0, 1), ContainsSubstring("'arm'") && ContainsSubstring("rotor on frame 1"));
+  CHECK_THROWS_WITH(tree_of(0, -2), ContainsSubstring("'arm'") && ContainsSubstring("rotor on frame -2"));
+}
 
 TEST_CASE("a body that cannot exist is found also where a type of one's own does not look")
 {

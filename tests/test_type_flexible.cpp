@@ -5,6 +5,7 @@
 
 #include <iim/law_suite.hpp>
 #include <iim/subsystem/flexible_link.hpp>
+#include <iim/subsystem/joint_more.hpp>
 
 using namespace iim;
 using namespace iim::test;
@@ -39,6 +40,16 @@ TEST_CASE("A flexible link obeys the laws, with large deflections and shortening
   INFO(report.text());
   CHECK(report.ok());
   CHECK(report.laws.size() == 11);
+}
+
+TEST_CASE("So does one on a joint that slides, whose motion is given about its own origin")
+{
+  FlexibleLink<Planar<double>, 1, 1> beam;
+  beam.rotary_y = 1e-3;
+  beam.rotary_z = 2e-3;
+  const LawReport report = check_laws(beam);
+  INFO(report.text());
+  CHECK(report.ok());
 }
 
 TEST_CASE("A beam held straight is a rigid link")
