@@ -22,6 +22,10 @@ namespace iim {
 template <class M, int n_motors>
 struct Driven : M {
   using Scalar = typename M::Scalar;
+  static_assert(
+      !requires(const M& m) { m.rotors(); },
+      "Driven replaces the rotors and inputs of a mechanism that has its own; give all of them to one Driven");
+
   static constexpr int n_i = M::n_i;
   static constexpr int n_u = n_motors;
   static constexpr auto count = static_cast<std::size_t>(n_motors);
