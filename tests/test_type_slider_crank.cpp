@@ -5,6 +5,9 @@
 
 #include <iim/subsystem/slider_crank.hpp>
 
+#include <cmath>
+#include <numbers>
+
 namespace test_type_slider_crank {
 
 using namespace iim;
@@ -112,6 +115,24 @@ TEST_CASE("An actuated lever is a cut tree with Lagrange multipliers")
     const std::vector<std::string> names{"base", "crank", "load"};
     CHECK(relative_error(rows_of(a, answer, names), rows_of(b, reference.answer, names)) < tolerance);
   }
+}
+
+TEST_CASE("Close to a dead centre float refuses rather than lose all digits")
+{
+  SliderCrankLinkage<float> m;  // with a rod as long as the crank the slider is at 2 cos q
+  m.crank = m.rod = 1;
+  m.prepare("slider");
+  std::array<RelativeMotion<float, 1>, 3> frames;
+  int refused = 0, computed = 0;
+  for (int k = 1; k <= 400; ++k) {
+    const Eigen::Matrix<float, 1, 1> q(static_cast<float>(std::numbers::pi / 2 - 2.5e-4 * k)), qd(1);
+    const bool ok = m.place(independent<float, 1>(q, qd), frames);
+    ++(ok ? computed : refused);
+    if (!ok) { continue; }
+    CHECK(std::abs(frames[2].v.col(0).norm() / (2 * std::sin(q(0))) - 1) < 1e-3F);
+  }
+  CHECK(refused > 40);
+  CHECK(computed > 300);
 }
 
 TEST_CASE("A slider-crank is a cut tree with Lagrange multipliers, and refuses what it cannot reach")

@@ -15,6 +15,7 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -29,6 +30,19 @@ enum class LoopStatus {
   singular      ///< it closes, but y is not a differentiable function of q there (dead centre)
 };
 
+namespace detail {
+
+/// `least`, or in float what leaves four digits, too: closer to a dead centre the roundings of the lengths that meet
+/// there would be most of what is left between them.
+template <class Scalar>
+Scalar dead_centre(double least = 1e-12)
+{
+  using std::max;
+  return max(Scalar(least), Scalar(Scalar(4096) * Eigen::NumTraits<Scalar>::epsilon()));
+}
+
+}  // namespace detail
+
 /// When the iteration ends, and what is taken for singular.
 template <class Scalar>
 struct LoopOptions {
@@ -36,7 +50,7 @@ struct LoopOptions {
   Scalar tolerance = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
   int max_iterations = 30;
   /// Singular if the smallest pivot of Φ_y is less than this times the largest, or times the largest entry of Φ_q.
-  Scalar singular = Scalar(1e-8);
+  Scalar singular = detail::dead_centre<Scalar>(1e-8);
 };
 
 /// The coordinates y of a closed loop as functions of q, with their derivatives.
@@ -142,8 +156,8 @@ LoopStatus meeting_point(const PlanePoint<Scalar, n>& A, const Scalar& a, const 
   if (!ScalarTraits<Scalar>::is_positive(across2.value)) { return LoopStatus::unreachable; }
   const D across = sqrt(across2) * D(side);
   point = A + PlanePoint<Scalar, n>{(way.x * along - way.y * across) / L2, (way.y * along + way.x * across) / L2};
-  return ScalarTraits<Scalar>::is_positive(across2.value - Scalar(1e-12) * size) ? LoopStatus::ok
-                                                                                 : LoopStatus::singular;
+  return ScalarTraits<Scalar>::is_positive(across2.value - detail::dead_centre<Scalar>() * size) ? LoopStatus::ok
+                                                                                                 : LoopStatus::singular;
 }
 
 /// Axes of a plane mechanism: x × y = normal.

@@ -43,7 +43,7 @@ struct SliderCrankLinkage {
     const PlanePoint<Scalar, 1> B{cos(q[0]) * D(crank), sin(q[0]) * D(crank)};
     const D rise = D(offset) - B.y;
     D square = D(rod * rod) - rise * rise;
-    const bool reached = ScalarTraits<Scalar>::is_positive(square.value - Scalar(1e-12) * rod * rod);
+    const bool reached = ScalarTraits<Scalar>::is_positive(square.value - detail::dead_centre<Scalar>() * rod * rod);
     if (!reached) { square = D(rod * rod); }
     const D reach = sqrt(square) * D(side);
     frames[0] = RelativeMotion<Scalar, 1>{}.turned(plane.normal, q[0]);
@@ -100,7 +100,8 @@ struct ActuatedLeverLinkage {
     const PlanePoint<Scalar, 1> way = C - from;
     D square = way.x * way.x + way.y * way.y;
     // The direction is lost where pin and pivot meet.
-    const bool apart = ScalarTraits<Scalar>::is_positive(square.value - Scalar(1e-16) * pivot.squaredNorm());
+    const Scalar least = detail::dead_centre<Scalar>(1e-8);
+    const bool apart = ScalarTraits<Scalar>::is_positive(square.value - least * least * pivot.squaredNorm());
     if (!apart) { square = D(Scalar(1)); }
     frames[0] = RelativeMotion<Scalar, 1>{}.turned(plane.normal, q[0]);
     const D direction = atan2(way.y, way.x);
