@@ -217,9 +217,8 @@ void write(const Options& options, const std::vector<Row>& rows, const std::vect
       << "), double. Every path goes from (q, q̇) to q̈₀ and to all columns of B̂ in memory, in the library's own order "
          "and frames. Processor time per state, medians; the paths take turns. iim: run-time tree, default accuracy "
          "tier. Libraries that come as packages are compiled by their packager, the header-only ones here with the "
-         "flags above. Solves with the M of DART and KDL by Eigen, as their users would write them, are in the "
-         "adapters, "
-         "with Eigen as those packages were compiled with it (no AVX). All of them agree with iim, see Δ below.\n";
+         "flags above. Solves with the M of DART and KDL, as their users would write them, are in the adapters, with "
+         "Eigen as those packages were compiled with it (no AVX). All of them agree with iim, see Δ below.\n";
   if (!absent.empty()) {
     out << "\nAbsent:\n\n";
     for (const std::string& line : absent) { out << "- " << line << '\n'; }

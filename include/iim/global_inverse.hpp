@@ -8,6 +8,7 @@
 #include <iim/branches.hpp>
 #include <iim/equations_of_motion.hpp>
 #include <iim/forward_dynamics.hpp>
+#include <iim/forward_pass.hpp>
 #include <iim/inputs.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/spatial.hpp>

@@ -10,6 +10,7 @@
 #include <iim/affine_dynamics.hpp>
 #include <iim/array.hpp>
 #include <iim/forward_dynamics.hpp>
+#include <iim/forward_pass.hpp>
 #include <iim/inputs.hpp>
 #include <iim/product_form.hpp>
 #include <iim/sweep.hpp>

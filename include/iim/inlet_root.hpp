@@ -5,6 +5,7 @@
 #include <iim/kinematics.hpp>
 #include <iim/node_state.hpp>
 #include <iim/registers.hpp>
+#include <iim/root_compress.hpp>
 #include <iim/root_rows.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>

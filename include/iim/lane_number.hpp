@@ -214,15 +214,7 @@ public:
     return !any_sign(carried);
   }
 
-  /// Keeps the number in a register from here on: the compiler no longer knows that it stands in memory, too.
-  [[gnu::always_inline]] void hold()
-  {
-#if defined(__AVX512F__)
-    __asm__("" : "+v"(v_));
-#elif defined(__SSE2__)
-    __asm__("" : "+x"(v_));
-#endif
-  }
+  [[gnu::always_inline]] void hold() { detail::hold_register(v_); }
 
   T* data() { return reinterpret_cast<T*>(&v_); }
   const T* data() const { return reinterpret_cast<const T*>(&v_); }

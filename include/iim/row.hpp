@@ -42,6 +42,15 @@ struct PartOf<T, 1> {
   using Type = T;
 };
 
+/// Keeps numbers in a register from here on: the compiler no longer knows that they stand in memory, too.
+template <class Vector>
+[[gnu::always_inline]] inline void hold_register([[maybe_unused]] Vector& v)
+{
+#if defined(__SSE2__)
+  if constexpr (sizeof(Vector) <= register_bytes) { __asm__("" : "+v"(v)); }  // Eigen may have been told of wider ones
+#endif
+}
+
 /// n numbers, a power of two; operations number by number. What Eigen::Array is, too, but its layers are compiled for
 /// each expression (a thousand functions of a controller, some 5 % of its compile time), and of registers compilers do
 /// not inline them (2× for B̂ of several states).
@@ -83,16 +92,13 @@ public:
 #pragma GCC unroll 8
     for (std::size_t k = 0; k < parts; ++k) { put(part_[k], to + k * side); }
   }
-  /// Keeps the numbers in registers from here on: the compiler no longer knows that they stand in memory, too. Tuned
-  /// for some processors, g++ reads what several operations use again for each of them.
+  /// Tuned for some processors, g++ reads what several operations use again for each of them.
   [[gnu::always_inline]] void hold()
   {
-#if defined(__SSE2__)
-    if constexpr (side > 1 && sizeof(Part) <= register_bytes) {  // Eigen may have been told of wider ones
+    if constexpr (side > 1) {
 #pragma GCC unroll 8
-      for (std::size_t k = 0; k < parts; ++k) { __asm__("" : "+v"(part_[k])); }
+      for (std::size_t k = 0; k < parts; ++k) { hold_register(part_[k]); }
     }
-#endif
   }
   Scalar* data() { return reinterpret_cast<Scalar*>(part_.data()); }
   const Scalar* data() const { return reinterpret_cast<const Scalar*>(part_.data()); }

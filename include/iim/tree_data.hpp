@@ -61,7 +61,6 @@ class TreeData {
 public:
   using Scalar = Scalar_;
 
-  TreeData() = default;
   TreeData(const TreeData&) = default;
   TreeData(TreeData&&) = default;
   /// Nothing is assigned to a tree: workspaces, inputs and methods keep numbers of it.
