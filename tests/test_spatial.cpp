@@ -1,6 +1,7 @@
 // Six-vector kernels against the dense matrices that they stand for.
 #include <catch.hpp>
 #include <iim/articulated_inertia.hpp>
+#include <iim/root_compress.hpp>
 #include <iim/square_root.hpp>
 
 #include <random>
