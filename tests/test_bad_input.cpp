@@ -254,11 +254,14 @@ struct Careless : RevoluteLink<double> {
 /// A link whose body, or rotor, is on a frame that it does not have.
 struct Misplaced : RevoluteLink<double> {
   int body_frame = 0, rotor_frame = 0;
+  double rotor_inertia = 0.1, rotor_ratio = 1;
+  Vector3<double> rotor_axis = Vector3<double>::UnitZ();
 
+  void prepare(const std::string& name) { joint.prepare(name); }
   std::array<CarriedBody<double>, 1> bodies() const { return {{{body_frame, body}}}; }
   std::array<Rotor<double, 1>, 1> rotors() const
   {
-    return {{{rotor_frame, Vector3<double>::UnitZ(), 0.1, Eigen::Matrix<double, 1, 1>(1.0), true}}};
+    return {{{rotor_frame, rotor_axis, rotor_inertia, Eigen::Matrix<double, 1, 1>(rotor_ratio), true}}};
   }
 };
 
@@ -288,6 +291,23 @@ TEST_CASE("a body that cannot exist is found also where a type of one's own does
   link.body.mass = 1;
   link.body.inertia = Eigen::Vector3d(1, 1, 5).asDiagonal();
   CHECK_THROWS_WITH(DynamicTree(Assembly<Careless>().add("blade", {}, link)), ContainsSubstring("'blade'"));
+}
+
+TEST_CASE("masses and rotors that cannot exist are found also where a type of one's own does not look")
+{
+  const auto check = [](auto change, const char* what) {
+    Misplaced link;
+    link.body.mass = 1;
+    change(link);
+    CHECK_THROWS_WITH(DynamicTree(Assembly<Misplaced>().add("arm", {}, link)),
+                      ContainsSubstring("'arm'") && ContainsSubstring(what));
+  };
+  check([](auto& link) { link.body.mass = -1; }, "mass");
+  check([](auto& link) { link.body.mass = NaN; }, "mass");
+  check([](auto& link) { link.rotor_inertia = -0.1; }, "rotor's inertia");
+  check([](auto& link) { link.rotor_inertia = NaN; }, "rotor's inertia");
+  check([](auto& link) { link.rotor_ratio = NaN; }, "rotor's ratios");
+  check([](auto& link) { link.rotor_axis *= 2; }, "rotor's axis");
 }
 
 TEST_CASE("a type whose coupling point follows the frame has no body on the inlet")

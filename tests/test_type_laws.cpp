@@ -13,7 +13,17 @@ using namespace iim::test;
 
 namespace {
 
-enum class Defect { none, slow_frame, no_bias, world_bound, asymmetric_spring, leak, light };
+enum class Defect {
+  none,
+  slow_frame,
+  no_bias,
+  world_bound,
+  asymmetric_spring,
+  leak,
+  light,
+  unknown_spring,
+  unknown_damper
+};
 
 /// A sprung universal joint with a rotor, and a defect.
 struct Suspect {
@@ -47,6 +57,11 @@ struct Suspect {
     if (defect == Defect::leak) { force -= 1e-6 * qd; }
     return force;
   }
+  std::array<Spring<double, 2>, 2> springs(const Eigen::Vector2d&, const Eigen::Vector2d&) const
+  {
+    const double k = defect == Defect::unknown_spring ? 0 : 4, d = defect == Defect::unknown_damper ? 0 : 0.3;
+    return {{{{1, 0}, 4, 0.3}, {{0, 1}, k, d}}};
+  }
 };
 
 std::vector<std::string> broken(const LawReport& report)
@@ -79,7 +94,7 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   const LawReport sound = report_of(Defect::none);
   INFO(sound.text());
   CHECK(sound.ok());
-  CHECK(sound.laws.size() == 11);
+  CHECK(sound.laws.size() == 12);
 
   CHECK(broken(report_of(Defect::asymmetric_spring)) == std::vector<std::string>{"stored energy"});
   CHECK(broken(report_of(Defect::leak)) == std::vector<std::string>{"stored energy"});
@@ -94,6 +109,8 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   CHECK(has(Defect::world_bound, "velocity"));
   CHECK(has(Defect::world_bound, "invariance"));
   CHECK(has(Defect::light, "inertia"));
+  CHECK(broken(report_of(Defect::unknown_spring)) == std::vector<std::string>{"springs"});
+  CHECK(broken(report_of(Defect::unknown_damper)) == std::vector<std::string>{"springs"});
 
   LawOptions<Suspect> beyond;
   beyond.coordinates = [](const auto&) { return Eigen::Vector2d(std::numeric_limits<double>::quiet_NaN(), 0); };

@@ -15,6 +15,7 @@
 //     equations          (10): F_iᵀ (M̄_i V̇_i + h̄_i − B̄_i u − coupling forces) = 0 under random u
 //     power balance      d/dt (kinetic + potential energy) = q̇ᵀB̄u − q̇ᵀ internal force
 //     stored energy      q̇ᵀ internal force = dU/dt + dissipation, for types that have potential(q), dissipation(q, q̇)
+//     springs            ∂/∂q and ∂/∂q̇ of internal force are those of springs(), but for a part that may stay explicit
 //     linear in u        q̈(u) = q̈₀ + B̂u
 //     invariance         turning and moving robot and gravity together changes nothing
 //     static tree        StaticTree and DynamicTree agree
@@ -51,6 +52,8 @@ struct LawOptions {
   double difference_tolerance = 1e-9;
   /// Of laws that compare two computations: ε times the condition number of M, up to 10⁶ for geared drives.
   double tolerance = 1e-9;
+  /// What springs() may leave out of the derivatives of internal_force, in units of what it tells.
+  double explicit_part = 0.5;
   std::function<detail::Coordinates<S>(const std::function<double(double, double)>& uniform)> coordinates;
 };
 
@@ -182,6 +185,29 @@ private:
       }
     }
     check_power(change, motors, taken, now);
+    if constexpr (spring_count<S>() > 0) { check_springs(q_i, qd_.template segment<S::n_i>(node_.v)); }
+  }
+
+  /// Central differences of internal_force along each q̇_i, and in it.
+  void check_springs(const Coordinates<S>& q, const Velocities<S>& qd)
+  {
+    using Square = Eigen::Matrix<double, S::n_i, S::n_i>;
+    Square stiffness = Square::Zero(), damping = Square::Zero(), by_q, by_qd;
+    for (const auto& spring : part_.springs(q, qd)) {
+      stiffness += spring.ratio.transpose() * spring.stiffness * spring.ratio;
+      damping += spring.ratio.transpose() * spring.damping * spring.ratio;
+    }
+    const double h = 1e-5;
+    for (Index d = 0; d < S::n_i; ++d) {
+      const Velocities<S> along = h * Velocities<S>::Unit(d);
+      const Coordinates<S> there = coordinate_rate(part_, q, along);
+      const Velocities<S> ahead = part_.internal_force(q + there, qd), behind = part_.internal_force(q - there, qd);
+      by_q.col(d) = (ahead - behind) / (2 * h);
+      const Velocities<S> faster = part_.internal_force(q, qd + along), slower = part_.internal_force(q, qd - along);
+      by_qd.col(d) = (faster - slower) / (2 * h);
+    }
+    if (stiffness.norm() > 0) { hold("springs", apart(by_q, stiffness), options_.explicit_part); }
+    if (damping.norm() > 0) { hold("springs", apart(by_qd, damping), options_.explicit_part); }
   }
 
   LawOptions<S> options_;

@@ -133,7 +133,10 @@ protected:
               carry(carried);
             }
             if constexpr (requires { s.rotors(); }) {
-              for (const auto& rotor : s.rotors()) { check_frame(part.name, "rotor", rotor.frame, S::n_frames); }
+              for (const auto& rotor : s.rotors()) {
+                check_frame(part.name, "rotor", rotor.frame, S::n_frames);
+                check_rotor(part.name, rotor);
+              }
             }
             if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
           },
@@ -222,11 +225,33 @@ private:
     }
   }
 
+  // Once more, as a type's prepare() may not look.
+
+  template <class Rotor>
+  [[gnu::cold]] static void check_rotor(const std::string& name, const Rotor& rotor)
+  {
+    const std::string part = "subsystem '" + name + "': a rotor's ";
+    if (!(rotor.inertia >= Scalar(0)) || !is_finite(rotor.inertia)) {
+      throw ModelError(part + "inertia must be finite and not negative, got " + to_text(rotor.inertia));
+    }
+    if (!all_finite(rotor.ratio)) { throw ModelError(part + "ratios must be finite, got " + to_text(rotor.ratio)); }
+    if (!rotor.coupled) { return; }
+    double square = 0;
+    for (int i = 0; i < 3; ++i) { square += to_double(rotor.axis(i)) * to_double(rotor.axis(i)); }
+    if (!(std::abs(square - 1) < 2e-6)) {
+      throw ModelError(part + "axis must be a unit vector, got " + to_text(rotor.axis));
+    }
+  }
+
   /// On the last subsystem.
   void carry(const CarriedBody<Scalar>& carried)
   {
-    // Where a type's prepare() does not look. A rotor's inertia may stand here without its mass.
-    validate_inertia(carried.body, "subsystem '" + names_.back() + "'");
+    const std::string owner = "subsystem '" + names_.back() + "'";
+    // Zero: a rotor's inertia may stand here without its mass.
+    if (!(carried.body.mass >= Scalar(0)) || !is_finite(carried.body.mass)) {
+      throw ModelError(owner + ": mass must be finite and not negative, got " + to_text(carried.body.mass) + " kg");
+    }
+    validate_inertia(carried.body, owner);
     FrameMass<Scalar>& mass = carried.frame < 0
                                   ? inlet_mass_.back()
                                   : frame_mass_[static_cast<std::size_t>(nodes_.back().frame + carried.frame)];
