@@ -7,6 +7,7 @@
 
 #include <iim_build_info.hpp>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -24,29 +25,41 @@ constexpr const char* usage =
     "  accuracy.md, accuracy_*.svg   tables and figures\n"
     "--quick                         fewer states, shorter chains, fewer steps\n"
     "--only PART                     bounds, robots, cost, scenes, known or runs\n"
+    "--match TEXT                    only scenes with it in their group (plain, length, mass ratio, distance, "
+    "extreme,\n"
+    "                                robot) or name\n"
     "--robots DIR                    with panda.urdf, ur5.urdf, anymal.urdf, solo12.urdf; default ../shared/robots\n";
 
 struct Options {
   std::string out;
   std::string only;
+  std::string match;
   std::string robots = IIM_SHARED_DIR "/robots";
   bool quick = false;
 
   bool wants(const char* part) const { return only.empty() || only == part; }
 };
 
+std::vector<AccuracyScene> matching(std::vector<AccuracyScene> scenes, const Options& options)
+{
+  std::erase_if(scenes, [&](const AccuracyScene& scene) {
+    return (scene.group + ": " + scene.name).find(options.match) == std::string::npos;
+  });
+  return scenes;
+}
+
 std::vector<AccuracyScene> robots(const Options& options, int states, Report& report)
 {
   std::vector<std::string> absent;
   std::vector<AccuracyScene> scenes = accuracy_robots(options.robots, states, absent);
   for (const std::string& line : absent) { report.paragraph("Robots left out. " + line + "."); }
-  return scenes;
+  return matching(std::move(scenes), options);
 }
 
 void write_scene_part(const Options& options, Report& report, std::vector<Figure>& figures, bool& drawn)
 {
   std::vector<AccuracyResult> results;
-  std::vector<AccuracyScene> scenes = accuracy_scenes(options.quick);
+  std::vector<AccuracyScene> scenes = matching(accuracy_scenes(options.quick), options);
   for (AccuracyScene& robot : robots(options, 32, report)) { scenes.push_back(std::move(robot)); }
   for (const AccuracyScene& scene : scenes) {
     std::cerr << '[' << results.size() + 1 << '/' << scenes.size() << "] " << scene.group << ": " << scene.name << '\n';
@@ -81,11 +94,15 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
     report.image(draw_error_against_time(result, options.out, drawn) + ".svg",
                  "Error against run time: " + result.scene.name);
   }
+  const auto has = [&](const std::string& group) {
+    return std::any_of(results.begin(), results.end(), [&](const auto& r) { return r.scene.group == group; });
+  };
   const std::vector<std::array<std::string, 3>> series{
       {"length", "Error against the length of a chain", "links"},
       {"mass ratio", "Error against the load on seven links of 1 kg", "load [kg]"},
       {"distance", "Error against the distance from the world's origin", "distance [m]"}};
   for (const auto& [group, title, x] : series) {
+    if (!has(group)) { continue; }
     report.section(title);
     write_overview(results, group, report);
     for (const char* scalar : {"double", "float"}) {
@@ -93,6 +110,7 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
       report.image(figures.back().file + ".svg", figures.back().title);
     }
   }
+  if (!has("extreme")) { return; }
   report.section("Extreme scenes");
   write_overview(results, "extreme", report);
   write_failures(results, report);
@@ -117,7 +135,7 @@ void run(const Options& options)
   if (options.wants("scenes")) { write_scene_part(options, report, figures, drawn); }
   if (options.only == "robots") { write_bounds(accuracy_bounds(robots(options, 100, report)), report); }
   if (options.wants("bounds")) {
-    std::vector<Bound> bounds = accuracy_bounds(options.quick);
+    std::vector<Bound> bounds = accuracy_bounds(matching(accuracy_scenes(options.quick, 100), options));
     for (Bound& bound : accuracy_bounds(robots(options, 100, report))) { bounds.push_back(std::move(bound)); }
     write_bounds(bounds, report);
   }
@@ -142,6 +160,12 @@ int main(int argc, char** argv)
         options.out = argv[++k];
       } else if (argument == "--only" && k + 1 < argc) {
         options.only = argv[++k];
+        const std::vector<std::string> parts{"bounds", "robots", "cost", "scenes", "known", "runs"};
+        if (std::find(parts.begin(), parts.end(), options.only) == parts.end()) {
+          throw std::invalid_argument("--only " + options.only + " is no part of the report");
+        }
+      } else if (argument == "--match" && k + 1 < argc) {
+        options.match = argv[++k];
       } else if (argument == "--robots" && k + 1 < argc) {
         options.robots = argv[++k];
       } else if (argument == "--quick") {

@@ -110,9 +110,6 @@ struct Bound {
 /// For every scene that has a solution, but the one arm at many places in the world only once.
 std::vector<Bound> accuracy_bounds(const std::vector<AccuracyScene>& scenes);
 
-/// For accuracy_scenes(quick, 100).
-std::vector<Bound> accuracy_bounds(bool quick);
-
 /// The scene's inputs on a tree of any Scalar.
 template <class TreeType>
 iim::Inputs<TreeType> accuracy_inputs(const AccuracyScene& scene, const TreeType& tree)

@@ -104,8 +104,6 @@ std::array<Bound::Tier, 3> tiers(const AccuracyScene& scene, const std::vector<R
 
 }  // namespace
 
-std::vector<Bound> accuracy_bounds(bool quick) { return accuracy_bounds(accuracy_scenes(quick, 100)); }
-
 std::vector<Bound> accuracy_bounds(const std::vector<AccuracyScene>& scenes)
 {
   std::vector<Bound> bounds;
