@@ -31,7 +31,7 @@ void hold(const Bound::Worst& worst, double bound)
 
 TEST_CASE("errors on plain and extreme scenes stay within their bounds")
 {
-  for (const Bound& scene : bench::accuracy_bounds(true)) {
+  for (const Bound& scene : bench::accuracy_bounds(bench::accuracy_scenes(true, 100))) {
     for (std::size_t s = 0; s < 2; ++s) {
       const Bound::Tier& p = scene.tiers[s][projected];
       const Bound::Tier& r = scene.tiers[s][square_root];
@@ -55,7 +55,11 @@ TEST_CASE("errors on plain and extreme scenes stay within their bounds")
         CHECK(p.Bhat.refused == 0);
       }
 
-      // The square-root form, on all of them.
+      // The square-root form, on all of them that are numbers of this kind.
+      const bool beyond = is_one_of(scene.name, {"masses of 1e-310"}) ||
+                          (s == 1 && is_one_of(scene.name, {"masses of 1e300", "masses of 1e-3"}));
+      CHECK((r.Bhat.state < 0) == beyond);
+      if (!beyond) { CHECK(r.Bhat.refused == 0); }
       hold(r.Bhat, std::max(64.0, 100 * r.Bhat.sensitivity));
       hold(r.qdd0, std::max(64.0, 100 * r.qdd0.sensitivity));
     }

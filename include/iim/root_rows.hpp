@@ -191,6 +191,30 @@ struct ColumnSums {
   }
 };
 
+/// Columns begin + i of w = (s − row α) factor, and of s/α in place of s = `top`. (A function, as of a lambda's vectors
+/// within a lambda g++ 13 does not know the size.)
+template <int begin, class Rows, class Scalar, int columns, int... i>
+[[gnu::always_inline]] inline void reflect_part(const Rows& rows, Eigen::Index pivot, Scalar alpha, Scalar factor,
+                                                Scalar inverse, Reflection<Scalar, columns>& reflection,
+                                                std::integer_sequence<int, i...>)
+{
+  using Part = typename PartOf<Scalar, static_cast<int>(sizeof...(i))>::Type;
+  const auto number = [&](int c) __attribute__((always_inline)) {
+    return c < columns ? *rows.at(c < columns ? c : 0, pivot) : Scalar(0);
+  };
+  const Part above{number(begin + i)...};
+  if constexpr (sizeof...(i) > 1) {
+    Part of_s;
+    std::memcpy(&of_s, reflection.top.data() + begin, sizeof of_s);
+    const Part w = (of_s - above * alpha) * factor, row = of_s * inverse;
+    std::memcpy(reflection.w.data() + begin, &w, sizeof w);
+    std::memcpy(reflection.top.data() + begin, &row, sizeof row);
+  } else {
+    reflection.w[begin] = (reflection.top[begin] - above * alpha) * factor;
+    reflection.top[begin] *= inverse;
+  }
+}
+
 /// The reflection of column x whose sums these are. False if the column is zero. `out`: tape's place for the pivot's
 /// row. `take`: that row is zero then.
 template <bool take, class Scalar, int most, int columns, class Rows>
@@ -211,29 +235,12 @@ template <bool take, class Scalar, int most, int columns, class Rows>
   // w = (s − row α) factor; s/α = row − w top, without its cancellation. The row goes from memory to registers number
   // by number: put into an array first, its load would wait until all of them have left the core.
   constexpr int side = register_lanes<Scalar>;
-  using Side = typename PartOf<Scalar, side>::Type;
   if (tape != nullptr) [[unlikely]] {
     tape->reflect(
         rows.count, pivot, out, [&](Eigen::Index r) -> const Scalar& { return *rows.at(x, r); }, alpha, factor);
   }
   unrolled<static_cast<int>(padded) / side>([&](auto part) __attribute__((always_inline)) {
-    constexpr int begin = part * side;
-    [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) {
-      const auto number = [&](int c) __attribute__((always_inline)) {
-        return c < columns ? *rows.at(c < columns ? c : 0, pivot) : Scalar(0);
-      };
-      const Side above{number(begin + i)...};
-      Side of_s;
-      if constexpr (side > 1) {
-        std::memcpy(&of_s, s.data() + begin, sizeof of_s);
-        const Side w = (of_s - above * alpha) * factor, row = of_s * inverse;
-        std::memcpy(reflection.w.data() + begin, &w, sizeof w);
-        std::memcpy(s.data() + begin, &row, sizeof row);
-      } else {
-        reflection.w[begin] = (s[begin] - above * alpha) * factor;
-        s[begin] *= inverse;
-      }
-    }(std::make_integer_sequence<int, side>{});
+    reflect_part<part * side>(rows, pivot, alpha, factor, inverse, reflection, std::make_integer_sequence<int, side>{});
   });
   reflection.w[static_cast<std::size_t>(x)] = Scalar(1);  // x − 1·x is an exact zero
   reflection.x = x;
