@@ -82,6 +82,12 @@ protected:
   template <class S>
   [[gnu::always_inline]] void accelerate(const Node& node, const NodeMemory<S>& state)
   {
+    if constexpr (follows_free_axis<S, Data>) {
+      if (const FreeAxis<Scalar>* const axis = ws_.axis_of(node.index)) [[unlikely]] {
+        accelerate_apart<S>(*axis, node, state);
+        return;
+      }
+    }
     TriplePair<Scalar> y;
     [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
     if (node.inlet >= 0) {
@@ -120,6 +126,7 @@ protected:
         }
         continue;
       }
+      if constexpr (is_free<S>()) { continue; }  // is there since its step inward
       const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
 #pragma GCC unroll 8
       for (int d = 0; d < S::n_i; ++d) {
@@ -146,6 +153,21 @@ protected:
   Diagnosis diagnosis_;
 
 private:
+  /// The child of a free base's axis. What the base moves by along S the joint undoes, but for what rotors within hold.
+  template <class S>
+  [[gnu::noinline]] void accelerate_apart(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state)
+  {
+    FrameState<Scalar>& f = ws_.frame(node.frame);
+    TriplePair<Scalar> y = shifted(state.r, axis.rest);
+    if constexpr (scene.velocity) { y.linear += triple(state.c); }
+    const Scalar slip = axis.slip * axis.rate, qdd = slip - state.psi(0) - dot(gain(state, 0), y);
+    ws_.qdd()(node.v) = qdd - axis.rate;
+    if constexpr (has_bias<scene, S>(0)) { y.linear += Triple<Scalar>(f.bias.data()); }
+    if constexpr (has_bias<scene, S>(3)) { y.angular += Triple<Scalar>(f.bias.data() + 3); }
+    y += TriplePair<Scalar>(state.S_k[0].data()) * qdd;
+    y.put(f.Vdot.data());
+  }
+
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
   template <class S>
   [[gnu::always_inline]] TriplePair<Scalar> guidance(const Node& node, const NodeMemory<S>& state, Scalar& undone,
@@ -225,6 +247,8 @@ public:
   template <class Q, class V>
   bool fits(const Q& q, const V& qd)
   {
+    static_assert(std::is_same_v<typename Q::Scalar, Scalar> && std::is_same_v<typename V::Scalar, Scalar>,
+                  "q and qd must have the Scalar of the tree: q.cast<Scalar>()");
     const bool q_fits = q.size() == ws_.tree().n_q(), qd_fits = !scene.velocity || qd.size() == ws_.tree().n_v();
     assert(q_fits && "q must have n_q entries");
     assert(qd_fits && "qd must have n_v entries");

@@ -364,6 +364,12 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     }
     if (turned) [[unlikely]] {
       step.leave(node.frame, node.inlet, receiver, StepData(state), ws);
+      if constexpr (is_free<S>()) {
+        FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.frame);
+        step.turn_to_world(ws.frame(node.frame).Vdot.data(), 2);
+        step.turn_to_world(axis.rest.data(), 2);
+        step.turn_to_world(axis.E.data(), 12);
+      }
       if (receiver != node.inlet) {
         FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.inlet);
         step.turn_to_inlet(axis.S.data(), 2);

@@ -72,6 +72,11 @@ inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, kee
 template <class S, class Workspace>
 inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
 
+/// Whether in matrix form a subsystem of this shape may be the child of a FreeAxis.
+template <class S, class Workspace>
+inline constexpr bool follows_free_axis =
+    Workspace::update != Update::square_root && S::n_i == 1 && S::n_frames == 1 && !is_free<S>();
+
 /// What a subsystem of this shape keeps. F_i = (0; 0; 1), so M̄*_i = [ A U ; Uᵀ D ] and M̄_R = D. Of a free one, where D
 /// is all of M̄*, Sᵀ A S, nothing needs U and D: they stay as they are.
 template <class Shape>

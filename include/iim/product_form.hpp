@@ -49,6 +49,7 @@ protected:
       : Plan(tree, inputs, Product::least_rows), product_(tree, inputs), unit_rows_(tree)
   {
     H_.setZero(this->H_size_);
+    apart_.setZero(components * (depth_ + lanes));
     this->plan(product_);
   }
 
@@ -65,7 +66,16 @@ protected:
   [[gnu::noinline]] void outward(const Node& node, const NodeMemory<S>& state, const Workspace& ws)
   {
     const Step& step = steps_[at(node.index)];
-    propagate<S>(ws, node, state, step);
+    const Scalar* inlet = H_.data() + step.inlet;
+    const FreeAxis<Scalar>* axis = nullptr;
+    if constexpr (follows_free_axis<S, Workspace>) {
+      axis = ws.axis_of(node.index);
+      if (axis != nullptr) [[unlikely]] { inlet = apart_from(*axis, node); }
+    }
+    propagate<S>(ws, node, state, step, inlet);
+    if constexpr (follows_free_axis<S, Workspace>) {
+      if (axis != nullptr) [[unlikely]] { follow(*axis, node, state.S_k[0], step); }
+    }
     for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
   }
 
@@ -127,14 +137,13 @@ protected:
   /// `own` ones: y = 0, L_i = C. The last lanes after these are zero, and therefore so in all that follows from them.
   template <class S, class Workspace>
   [[gnu::always_inline]] void propagate(const Workspace& ws, const Node& node, const NodeMemory<S>& state,
-                                        const Step& step)
+                                        const Step& step, const Scalar* const inlet)
   {
     constexpr int n_i = S::n_i;
     constexpr bool apart = one_column<S, Workspace>;
     constexpr bool free_root = is_free<S>() && Workspace::update == Update::square_root;
     const Index depth = depth_, needed = step.needed, own = step.own, own_from = step.own_from;
     Scalar* const L_rows = rows_.data() + step.L;
-    const Scalar* const inlet = H_.data() + step.inlet;
     std::array<Scalar*, S::n_frames> frames{H_.data() + step.frame};
     for (int k = 1; k < S::n_frames; ++k) { frames[at(k)] = H(node.frame + k); }
     const auto columns = [&]<bool ancestors, bool others>(Index a) __attribute__((always_inline)) {
@@ -205,6 +214,31 @@ protected:
       for (Index a = 0; a < needed + own; a += lanes) { columns.template operator()<true, true>(a); }
     }
   }
+
+  /// H of the axis' free frame without S·rate. Other columns than its own do not move that frame.
+  [[gnu::noinline]] const Scalar* apart_from(const FreeAxis<Scalar>& axis, const Node& node)
+  {
+    apart_.head(components * ((node.path_v + lanes - 1) / lanes * lanes)).setZero();
+    for (Index e = 0; e < 6; ++e) {
+      Scalar* const column = component(apart_.data(), node.path_v - 6 + e);
+      for (int c = 0; c < 6; ++c) { column[c * lanes] = axis.E(c, e); }
+    }
+    return apart_.data();
+  }
+
+  /// What the rate that was left out makes of L and H of the axis' child: W S = 1, but for what rotors within hold.
+  [[gnu::noinline]] void follow(const FreeAxis<Scalar>& axis, const Node& node, const Vector6<Scalar>& S,
+                                const Step& step)
+  {
+    const Index last = node.path_v - 1;
+    const Scalar slip = axis.last * axis.slip;
+    rows_(step.L + last) -= axis.last - slip;
+    Scalar* const column = component(H_.data() + step.frame, last);
+    for (int c = 0; c < 6 && step.hands_on; ++c) { column[c * lanes] += S(c) * slip; }
+  }
+
+  /// The first of path position a.
+  static Scalar* component(Scalar* H, Index a) { return H + a / lanes * lanes * components + a % lanes; }
 
   /// What H of a frame leaves out in square-root form, V += S·rate. Returns the rate.
   [[gnu::always_inline]] static Lanes add_rate(const Scalar* h, const Vector6<Scalar>& S, std::array<Lanes, 6>& V)
@@ -289,7 +323,7 @@ protected:
       Vector6<Scalar> left = input_wrench(input, f, j);
       const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), left);
       for (Index a = 0; a < depth; ++a) {
-        const Scalar* const h = H(input.frame) + a / lanes * lanes * components + a % lanes;
+        const Scalar* const h = component(H(input.frame), a);
         Scalar sum = unit_rows_.share(a, z);
         for (int c = 3; c < 6; ++c) {
           sum += h[c * lanes] * left(c);
@@ -301,7 +335,8 @@ protected:
   }
 
   Product product_;
-  VectorX<Scalar> H_;  // of a frame: per `lanes` path positions seven components, so that one address serves
+  VectorX<Scalar> H_;      // of a frame: per `lanes` path positions seven components, so that one address serves
+  VectorX<Scalar> apart_;  // of one frame
   UnitRows<Scalar> unit_rows_;
 };
 

@@ -131,6 +131,12 @@ struct FreeAxis {
   Scalar within = Scalar(0);  ///< Sᵀ A' S of what the child hands on
   TriplePair<Scalar> size{};  ///< of all else that the frame carries, and Sᵀ loss (roundings.hpp)
   Scalar loss = Scalar(0);
+  // What moves the frame apart from S, in world axes: V̇ = E e + S·rate, rate = last·e₅, for C e of M̄_R⁻¹ = C Cᵀ.
+  Matrix6<Scalar> E = Matrix6<Scalar>::Zero();
+  Scalar last = Scalar(0);
+  Vector6<Scalar> rest = Vector6<Scalar>::Zero();  ///< of the O(n) pass, V̇ = rest + S·rate
+  Scalar rate = Scalar(0);
+  Scalar slip = Scalar(0);  ///< of the child 1 − W S: what rotors and springs within hold
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in RootInertia::G
 

@@ -59,6 +59,8 @@ protected:
     if (reach_[at(node.index)] != acted) { return; }
     constexpr bool apart = one_column<S, Workspace>;
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
+    const FreeAxis<Scalar>* axis = nullptr;
+    if constexpr (follows_free_axis<S, Workspace>) { axis = ws.axis_of(node.index); }
     std::array<Six, S::n_frames> p_k;
     unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
     Six p;
@@ -67,9 +69,16 @@ protected:
     if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
       move_free(ws.root(node.frame), node, state, p);
     } else if constexpr (n_i > 0) {
+      if constexpr (is_free<S>()) {
+        if (const FreeAxis<Scalar>* const base = ws.free_axis(node.frame); base->child >= 0) {
+          move_along_axis(*base, node, state, p);
+          return;
+        }
+      }
       std::array<Lane, n_i> tau;
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         tau[d] = rows_[at(node.v + d)];
+        if constexpr (follows_free_axis<S, Workspace>) { share = -tau[0]; }  // S W = 1, but for what rotors hold
         if constexpr (apart) {
           share = -tau[0];
           tau[0] += along_[at(node.frame)];
@@ -83,6 +92,7 @@ protected:
           });
         }
       });
+      if (axis != nullptr) [[unlikely]] { along_[at(node.frame)] = share + tau[0] * axis->slip; }
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
         for_each_velocity<n_i - 1, Scalar>(
@@ -112,6 +122,10 @@ protected:
       }
     }
     move_wrench(state.r, p);
+    if (axis != nullptr) [[unlikely]] {
+      copy(p, applied_[at(node.frame)]);
+      return;
+    }
     Six& inlet = moving_[at(buffers_[node.inlet])];
     char& load = loads_[at(node.inlet)];
     if ((load & by_child) != 0) {
@@ -137,9 +151,21 @@ protected:
     constexpr bool apart = one_column<S, Workspace>;
     [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
     [[maybe_unused]] Lane slip = zero();
+    const FreeAxis<Scalar>* axis = nullptr;
+    if constexpr (follows_free_axis<S, Workspace>) { axis = ws.axis_of(node.index); }
     Six y;
     if (guided) {
-      copy(moving_[at(buffers_[node.inlet])], y);
+      if (axis != nullptr) [[unlikely]] {
+        if (reach_[at(node.parent)] == acted) {
+          copy(applied_[at(node.frame)], y);
+          slip = along_[at(node.frame)] * axis->slip;
+          undone = along_[at(node.frame)] - slip;
+        } else {
+          clear(y);
+        }
+      } else {
+        copy(moving_[at(buffers_[node.inlet])], y);
+      }
       move_twist(state.r, y);
       if constexpr (Workspace::update == Update::square_root) {
         if (ws.root(node.inlet).keeps_v) {
@@ -162,6 +188,10 @@ protected:
         rows_[at(node.v + d)] = row;
         if constexpr (apart) { rows_[at(node.v)] -= undone; }
         if constexpr (apart) { row += slip; }
+        if (axis != nullptr) [[unlikely]] {
+          rows_[at(node.v)] -= undone;
+          row += slip;
+        }
       }
       if constexpr (!is_free<S>()) { qdd[d] = row; }
     });
@@ -193,6 +223,39 @@ protected:
         Vdot[c] = sum;
       });
     });
+  }
+
+  /// A free frame in matrix form, under the wrench p and what has come from the axis' child (applied_ and along_ of its
+  /// frame): leaves q̈ in rows_, and for the child how the frame moves, apart from S (free_inward.hpp).
+  template <class S>
+  void move_along_axis(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state, const Six& p)
+  {
+    const Index child = this->tree_->node(axis.child).frame;
+    Six& limb = applied_[at(child)];
+    Lane& along = along_[at(child)];
+    if (reach_[at(axis.child)] != acted) {
+      clear(limb);
+      along = zero();
+    }
+    Six tau;
+    for (int d = 0; d < 6; ++d) {
+      tau[at(d)] = rows_[at(node.v + d)];
+      rows_[at(node.v + d)] = zero();
+      for (int c = 0; c < 6; ++c) { tau[at(d)] += p[at(c)] * state.S_k[0](c, d); }
+    }
+    Six motion;
+    motion.fill(zero());
+    Lane e = zero();
+    for (int k = 0; k < 6; ++k) {
+      e = k < 5 ? zero() : Lane(along * axis.last);
+      for (int c = 0; c < 6; ++c) { e += limb[at(c)] * axis.E(c, k) + tau[at(c)] * state.MbarR_inv_root(c, k); }
+      for (int c = 0; c < 6; ++c) {
+        motion[at(c)] += e * axis.E(c, k);
+        rows_[at(node.v + c)] += e * state.MbarR_inv_root(c, k);
+      }
+    }
+    limb = motion;
+    along = e * axis.last;
   }
 
   /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_

@@ -111,6 +111,12 @@ public:
     if (inlet >= 0 && own_ != there_) { hand_over(ws.frame(receiver)); }
   }
 
+  /// From the step's axes to the world's.
+  void turn_to_world(Scalar* triples, int count) const
+  {
+    if (own_) { turn_triples(*own_, true, triples, count); }
+  }
+
   /// What has been handed on beside A and h: from the step's axes to the inlet's.
   void turn_to_inlet(Scalar* triples, int count) const
   {

@@ -84,11 +84,20 @@ public:
     }
     return nullptr;
   }
+  const detail::FreeAxis<Scalar>* free_axis(Index frame) const
+  {
+    return const_cast<WorkspaceData&>(*this).free_axis(frame);
+  }
   /// That of which subsystem i is the child, in matrix form; nullptr if there is none.
   [[gnu::always_inline]] detail::FreeAxis<Scalar>* axis_of(Index i)
   {
     const Index axis = axis_of_[static_cast<std::size_t>(i)];
     return axis < 0 ? nullptr : &free_axes_[static_cast<std::size_t>(axis)];
+  }
+
+  [[gnu::always_inline]] const detail::FreeAxis<Scalar>* axis_of(Index i) const
+  {
+    return const_cast<WorkspaceData&>(*this).axis_of(i);
   }
 
   /// Of the joint angles that the pass began with.
@@ -255,6 +264,7 @@ public:
       if constexpr (update == Update::square_root) {
         this->add_tape(node, S::n_i, S::n_frames, detail::rotor_count<S>() + detail::spring_count<S>());
       }
+      state.W.setZero();
       state.c.setZero();
       state.r.setZero();
       state.R.setIdentity();
