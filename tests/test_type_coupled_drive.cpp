@@ -111,4 +111,12 @@ TEST_CASE("Belt and differential transmissions turn what they should")
   parts.add("hip", {}, drive);
   CHECK_THROWS_WITH(DynamicTree(parts),
                     Catch::Matchers::ContainsSubstring("hip") && Catch::Matchers::ContainsSubstring("frame 2"));
+
+  Drive needle = random_drive(random);
+  needle.mechanism.motor[1].mass = 1;
+  needle.mechanism.motor[1].axial_inertia = 3;
+  needle.mechanism.motor[1].transverse_inertia = 1;
+  Assembly<Drive> impossible;
+  impossible.add("hip", {}, needle);
+  CHECK_THROWS_WITH(DynamicTree(impossible), Catch::Matchers::ContainsSubstring("hip: rotor 1: axial inertia"));
 }

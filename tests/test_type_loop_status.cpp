@@ -2,6 +2,7 @@
 // What a loop cannot do comes back as a status: of the closure itself, and of the cycle for each mechanism with a loop.
 #include "catch.hpp"
 #include "type_robots.hpp"
+#include "worst.hpp"
 
 #include <iim/subsystem/four_bar.hpp>
 #include <iim/subsystem/parallel_ankle.hpp>
@@ -73,6 +74,61 @@ TEST_CASE("The point where two bars meet: found, singular where they are in line
   CHECK(meet(1 - 1e-13, C) == LoopStatus::singular);  // seven
   CHECK(meet(1 + 1e-13, C) == LoopStatus::unreachable);
   CHECK(meet(1.4, C) == LoopStatus::unreachable);
+}
+
+TEMPLATE_TEST_CASE("A short bar at the end of a long one is no dead centre", "", float, double)
+{
+  using D = Dependent<TestType, 1>;
+  const TestType b = TestType(1) / 64, zero(0), one(1), eps = std::numeric_limits<TestType>::epsilon();
+  const PlanePoint<TestType, 1> A{D(zero), D(zero)}, B{D(one), D(zero)};
+  PlanePoint<TestType, 1> C;
+  for (const TestType side : {one, -one}) {
+    REQUIRE(meeting_point<TestType, 1>(A, one, B, b, side, C) == LoopStatus::ok);
+    CHECK(std::abs(C.x.value - (1 - b * b / 2)) <= eps);
+    CHECK(std::abs(C.y.value - side * b * std::sqrt(1 - b * b / 4)) <= 4 * eps * b);
+    REQUIRE(meeting_point<TestType, 1>(A, b, B, one, side, C) == LoopStatus::ok);
+    CHECK(std::abs(C.x.value - b * b / 2) <= eps * b);
+    CHECK(std::abs(C.y.value - side * b * std::sqrt(1 - b * b / 4)) <= 4 * eps * b);
+  }
+  // Two bars whose ends are almost in one place: as long, they turn about it freely.
+  const PlanePoint<TestType, 1> near{D(eps), D(zero)};
+  CHECK(meeting_point<TestType, 1>(A, one, near, one, one, C) == LoopStatus::singular);
+}
+
+TEMPLATE_TEST_CASE("Newton's closure does not take the roundings of a loop far off for a dead centre", "", float,
+                   double)
+{
+  // Bars of 1.2 and some 1.3 m, nearly in line, 10 m from the origin.
+  using D = Dependent<TestType, 1>;
+  const double bar = 1.2, ground = 2.5;
+  for (const double slack : {0.1, 0.01}) {
+    int refused = 0;
+    double worst = 0;
+    for (int k = 0; k < 1000; ++k) {
+      const double angle = 0.3 + 1.7e-3 * k, x = ground - std::cos(angle), y = -std::sin(angle);
+      const double way = std::hypot(x, y), other = way * (1 + slack) - bar;
+      const auto equations = [&]<class T>(const std::array<T, 2>& turned, const std::array<T, 1>& q) {
+        const auto number = [](double value) { return T(TestType(value)); };
+        return std::array<T, 2>{
+            number(10) + cos(q[0]) + cos(turned[0]) * number(bar) - cos(turned[1]) * number(other) -
+                number(10 + ground),
+            number(10) + sin(q[0]) + sin(turned[0]) * number(bar) - sin(turned[1]) * number(other) - number(10)};
+      };
+      const double at_bar = std::acos((way * way + bar * bar - other * other) / (2 * way * bar)),
+                   at_other = std::acos((way * way + other * other - bar * bar) / (2 * way * other)),
+                   along = std::atan2(y, x);
+      const Eigen::Vector2d exact(along + at_bar, along + std::acos(-1.0) - at_other);
+      const auto loop = close_loop<2>(
+          equations, std::array<D, 1>{D(TestType(angle), Eigen::Matrix<TestType, 1, 1>(1), TestType(1), TestType(0))},
+          Eigen::Matrix<TestType, 2, 1>(exact.cast<TestType>() + Eigen::Matrix<TestType, 2, 1>::Constant(0.01f)));
+      refused += loop.status != LoopStatus::ok;
+      for (std::size_t i = 0; i < 2; ++i) {
+        keep_worst(worst, std::abs(static_cast<double>(loop.y[i].value) - exact(static_cast<Index>(i))));
+      }
+    }
+    CHECK(refused == 0);
+    CHECK(worst < 1000 * std::numeric_limits<TestType>::epsilon());  // the sine between the bars is 0.1 or more
+  }
 }
 
 TEST_CASE("Newton's closure: unreachable and singular are different statuses")
@@ -147,6 +203,20 @@ TEST_CASE("A parallel ankle refuses what a rod cannot reach, and a rod in line w
                   {tilt(out, 0), false},
                   {tilt(out + 0.01, 0), true},
                   {tilt(0.2, 0.1), true}});
+}
+
+TEST_CASE("Mechanisms that close nowhere are refused when the tree is made")
+{
+  const auto refuses = [](auto mechanism, const char* what) {
+    CHECK_THROWS_WITH(mechanism.prepare("knee"), Catch::Matchers::ContainsSubstring(what));
+  };
+  refuses(FourBarLinkage<double>{{}, {3, 0}, 0.5, 1, 1, 1}, "does not close");
+  refuses(FourBarLinkage<double>{{}, {1, 0}, 0.5, 3, 1, 1}, "does not close");
+  refuses(FourBarLinkage<double>{{}, {1, 0}, 4, 1, 1, 1}, "does not close");
+  refuses(SliderCrankLinkage<double>{{}, 0.3, 0.5, 0.9, 1}, "do not reach");
+  ParallelAnkleLinkage<double> ankle;
+  ankle.second = -ankle.first;
+  refuses(ankle, "must differ");
 }
 
 }  // namespace test_type_loop_status

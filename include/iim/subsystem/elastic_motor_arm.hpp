@@ -46,7 +46,7 @@ struct ElasticMotorArmOn {
     }
     for (const Scalar& x : {stiffness, damping}) {
       if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-        throw ModelError(name + ": stiffness and damping must not be negative, got " + detail::to_text(x));
+        throw ModelError(name + ": stiffness and damping must be finite and not negative, got " + detail::to_text(x));
       }
     }
   }

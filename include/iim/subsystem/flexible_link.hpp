@@ -58,7 +58,8 @@ struct FlexibleLink {
     joint.prepare(name);
     const auto check = [&](const Scalar& x, bool zero_too, const char* what) {
       if (!(x > Scalar(0) || (zero_too && x == Scalar(0))) || !detail::is_finite(x)) {
-        throw ModelError(name + ": " + what + (zero_too ? " must not be negative, got " : " must be positive, got ") +
+        throw ModelError(name + ": " + what +
+                         (zero_too ? " must be finite and not negative, got " : " must be positive and finite, got ") +
                          detail::to_text(x));
       }
     };

@@ -34,6 +34,11 @@ struct FourBarLinkage {
     if (!detail::all_finite(ground) || !(ground.norm() > Scalar(0))) {
       throw ModelError(owner + ": ground must be finite and not zero, got " + detail::to_text(ground));
     }
+    using std::abs;
+    const Scalar length = ground.norm();  // D to B is between |length − crank| and length + crank
+    if (!(abs(length - crank) < coupler + rocker) || !(abs(coupler - rocker) < length + crank)) {
+      throw ModelError(owner + ": one of the bars is longer than the others together: the loop does not close");
+    }
     if (side != Scalar(1) && side != Scalar(-1)) {
       throw ModelError(owner + ": side must be 1 or −1, got " + detail::to_text(side));
     }

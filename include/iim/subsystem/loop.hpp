@@ -72,6 +72,8 @@ ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::arr
   constexpr auto size = static_cast<std::size_t>(n_y);
   using Vector = Eigen::Matrix<Scalar, n_y, 1>;
   using Matrix = Eigen::Matrix<Scalar, n_y, n_y>;
+  using std::abs;
+  using std::sqrt;
   ClosedLoop<Scalar, n_y, n> loop;
 
   std::array<Dependent<Scalar, n_y>, count> held;
@@ -79,6 +81,8 @@ ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::arr
   Vector y = start;
   Matrix Phi_y;
   bool converged = false;
+  Scalar before(0);  // the last step's length
+  const Scalar small = sqrt(Eigen::NumTraits<Scalar>::epsilon());
   for (; loop.iterations < options.max_iterations && !converged; ++loop.iterations) {
     const auto Phi = equations(independent<Scalar, n_y>(y, Vector::Zero()), held);
     Vector residual;
@@ -89,11 +93,15 @@ ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::arr
     const Vector step = Eigen::PartialPivLU<Matrix>(Phi_y).solve(residual);
     if (!detail::all_finite(step)) { break; }
     y -= step;
-    converged = step.norm() <= options.tolerance * (Scalar(1) + y.norm());
+    // Steps that no longer shrink are what Φ_y⁻¹ makes of the roundings of Φ.
+    const Scalar length = step.norm(), scale = Scalar(1) + y.norm();
+    converged = length <= options.tolerance * scale ||
+                (loop.iterations > 0 && length <= small * scale && length + length >= before);
+    before = length;
   }
-  // Where Φ_y is singular Newton creeps up to the solution and ends √ε away from it.
-  using std::abs;
-  using std::sqrt;
+  // Where Φ_y is singular Newton creeps up to the solution, each step half the last, and ends √ε away from it: there
+  // the last step has changed Φ_y by as much as is left of it.
+  const Matrix last = Phi_y;
   const auto at_y = equations(independent<Scalar, n_y>(y, Vector::Zero()), held);
   Scalar residual(0);
   for (std::size_t k = 0; k < size; ++k) {
@@ -110,9 +118,11 @@ ClosedLoop<Scalar, n_y, n> close_loop(const Equations& equations, const std::arr
   const Scalar smallest = lu.matrixLU().diagonal().cwiseAbs().minCoeff();
   const Scalar of_q = Phi_q.cwiseAbs().maxCoeff();
   const Scalar largest = of_q > abs(lu.maxPivot()) ? of_q : Scalar(abs(lu.maxPivot()));
+  const Scalar change = (Phi_y - last).cwiseAbs().maxCoeff();
   if (converged) {
-    loop.status = smallest > options.singular * largest ? LoopStatus::ok : LoopStatus::singular;
-  } else if (residual <= sqrt(Eigen::NumTraits<Scalar>::epsilon()) * largest * (Scalar(1) + y.norm())) {
+    const bool regular = smallest > options.singular * largest && smallest > Scalar(4) * change;
+    loop.status = regular ? LoopStatus::ok : LoopStatus::singular;
+  } else if (residual <= small * largest * (Scalar(1) + y.norm())) {
     loop.status = LoopStatus::singular;
   }
   if (loop.status != LoopStatus::ok) { return loop; }
@@ -148,11 +158,13 @@ LoopStatus meeting_point(const PlanePoint<Scalar, n>& A, const Scalar& a, const 
                          const Scalar& b, const Scalar& side, PlanePoint<Scalar, n>& point)
 {
   using D = Dependent<Scalar, n>;
+  if (b < a) { return meeting_point(B, b, A, a, Scalar(-side), point); }  // a²L² is all that can cancel below
   const PlanePoint<Scalar, n> way = B - A;
   const D L2 = way.x * way.x + way.y * way.y;
   const D along = (L2 + D(a * a - b * b)) * D(Scalar(0.5));  // L times the part of a along the way
   const D across2 = D(a * a) * L2 - along * along;
-  const Scalar size = a * a * L2.value;
+  // Of the sines between the shorter bar and the way, and between the bars, the smaller.
+  const Scalar size = a * a * (L2.value > b * b ? L2.value : Scalar(b * b));
   if (!ScalarTraits<Scalar>::is_positive(across2.value)) { return LoopStatus::unreachable; }
   const D across = sqrt(across2) * D(side);
   point = A + PlanePoint<Scalar, n>{(way.x * along - way.y * across) / L2, (way.y * along + way.x * across) / L2};

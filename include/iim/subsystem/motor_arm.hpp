@@ -60,7 +60,7 @@ struct MotorArmOn {
     }
     for (const Scalar& x : {motor.axial_inertia, motor.mass, motor.transverse_inertia}) {
       if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-        throw ModelError(name + ": rotor mass and inertias must not be negative, got " + detail::to_text(x));
+        throw ModelError(name + ": rotor mass and inertias must be finite and not negative, got " + detail::to_text(x));
       }
     }
     if (!detail::all_finite(motor.com)) {

@@ -52,6 +52,10 @@ struct ParallelAnkleLinkage {
     using std::abs;
     first = detail::UnitAxis<Scalar>(first, owner + ": first").direction;
     second = detail::UnitAxis<Scalar>(second, owner + ": second").direction;
+    if (!(detail::cross(first, second).squaredNorm() > Scalar(1e-12))) {
+      throw ModelError(owner + ": the two axes must differ, got " + detail::to_text(first) + " and " +
+                       detail::to_text(second));
+    }
     for (std::size_t k = 0; k < 2; ++k) {
       const std::string name = owner + ": push-rod " + std::to_string(k);
       PushRod<Scalar>& r = rod[k];
@@ -71,7 +75,8 @@ struct ParallelAnkleLinkage {
       }
       for (const Scalar& x : {r.rod_mass, r.rotor_inertia}) {
         if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-          throw ModelError(name + ": rod mass and rotor inertia must not be negative, got " + detail::to_text(x));
+          throw ModelError(name + ": rod mass and rotor inertia must be finite and not negative, got " +
+                           detail::to_text(x));
         }
       }
     }

@@ -32,6 +32,11 @@ struct SliderCrankLinkage {
     if (!detail::is_finite(offset)) {
       throw ModelError(owner + ": offset must be finite, got " + detail::to_text(offset));
     }
+    using std::abs;
+    if (!(abs(offset) < crank + rod)) {
+      throw ModelError(owner + ": crank and rod do not reach the guide, which is " + detail::to_text(offset) +
+                       " m away");
+    }
     if (side != Scalar(1) && side != Scalar(-1)) {
       throw ModelError(owner + ": side must be 1 or −1, got " + detail::to_text(side));
     }

@@ -30,7 +30,8 @@ struct Sprung : Part {
     for (const Coordinates& values : {stiffness, damping}) {
       for (int d = 0; d < n_i; ++d) {
         if (!(values(d) >= Scalar(0)) || !detail::is_finite(values(d))) {
-          throw ModelError(name + ": stiffness and damping must not be negative, got " + detail::to_text(values(d)));
+          throw ModelError(name + ": stiffness and damping must be finite and not negative, got " +
+                           detail::to_text(values(d)));
         }
       }
     }
