@@ -229,11 +229,12 @@ public:
   [[gnu::cold]] explicit Inputs(const Tree& tree, Start start = Start::all_motors) : Blocks(tree, start) {}
   explicit Inputs(const Tree&&, Start = Start::all_motors) = delete;
 
-  /// The same inputs on the same robot with another Scalar.
+  /// The same inputs on the same robot with another Scalar. Throws ModelError if the subsystems are others.
   template <class Other>
   Inputs<Other> on(const Other& tree) const
   {
     using T = typename Other::Scalar;
+    if (!tree.is_shaped_as(this->tree())) { throw ModelError("the inputs are those of a robot of other subsystems"); }
     Inputs<Other> other(tree, Start::empty);
     for (Index id = 0; id < this->blocks(); ++id) {
       const Input<Scalar>& input = this->block(id);

@@ -106,13 +106,13 @@ public:
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
-        lane_tree_(assembly.template cast<Pack>()), lane_inputs_(inputs.on(lane_tree_)), lane_workspace_(lane_tree_),
-        lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()), qd_(lane_tree_.n_v()), u_(inputs.max_columns()),
-        qdd_(lane_tree_.n_v()), Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()),
-        one_qd_(lane_tree_.n_v()), one_u_(inputs.max_columns()),
+        lane_tree_(assembly.template cast<Pack>()), lane_inputs_((check_tree(), inputs.on(lane_tree_))),
+        lane_workspace_(lane_tree_), lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()),
+        qd_(lane_tree_.n_v()), u_(inputs.max_columns()), qdd_(lane_tree_.n_v()),
+        Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()), one_qd_(lane_tree_.n_v()),
+        one_u_(inputs.max_columns()),
         states_((whole_registers(lane_tree_.n_v()) + whole_registers(Bhat_.size())) * lanes)
   {
-    check_tree();
   }
   template <class AssemblyType>
   SeveralStates(const AssemblyType&, const Inputs<Tree>&&) = delete;
@@ -264,7 +264,7 @@ private:
 
   [[gnu::cold]] void check_tree() const
   {
-    if (lane_tree_.size() != tree().size()) { throw ModelError("the assembly has other parts than the inputs' tree"); }
+    if (!lane_tree_.is_shaped_as(tree())) { throw ModelError("the assembly has other parts than the inputs' tree"); }
     const auto differs = [](const Scalar& a, const Pack& b) { return a != b[0]; };
     for (int k = 0; k < 3; ++k) {
       if (differs(tree().gravity()(k), lane_tree_.gravity()(k))) {
@@ -274,13 +274,11 @@ private:
     for (const Node& node : tree().nodes()) {
       const auto& own = tree().placement(node.index);
       const auto& other = lane_tree_.placement(node.index);
-      bool same =
-          tree().name(node.index) == lane_tree_.name(node.index) && node.inlet == lane_tree_.node(node.index).inlet;
+      bool same = tree().name(node.index) == lane_tree_.name(node.index);
       for (int k = 0; k < 9; ++k) { same = same && !differs(own.R.data()[k], other.R.data()[k]); }
       for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
       const Index end = node.index + 1 < tree().size() ? tree().node(node.index + 1).frame : tree().n_frames();
-      same = same && node.v == lane_tree_.node(node.index).v &&
-             bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index));
+      same = same && bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index));
       for (Index f = node.frame; f < end; ++f) {
         same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f));
       }

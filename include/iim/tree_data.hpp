@@ -95,6 +95,19 @@ public:
   /// Subsystem that owns a frame.
   Index owner(Index frame) const { return owner_[static_cast<std::size_t>(frame)]; }
 
+  /// Whether all subsystems have the numbers that they have in `other`.
+  template <class T>
+  [[gnu::cold]] bool is_shaped_as(const TreeData<T>& other) const
+  {
+    bool same = size() == other.size() && n_frames() == other.n_frames() && n_q() == other.n_q() &&
+                n_v() == other.n_v() && n_motors() == other.n_motors() && n_bbar() == other.n_bbar();
+    for (Index i = 0; same && i < size(); ++i) {
+      const Node &a = node(i), &b = other.node(i);
+      same = a.inlet == b.inlet && a.frame == b.frame && a.q == b.q && a.v == b.v && a.u == b.u && a.bbar == b.bbar;
+    }
+    return same;
+  }
+
   /// Number of the subsystem of that name. Throws ModelError if there is none.
   Index index(const std::string& name) const
   {
