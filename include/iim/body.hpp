@@ -71,6 +71,11 @@ struct Body {
       return;
     }
     const Scalar total = mass + other.mass;
+    any_moments |= other.any_moments;
+    if (!(total > Scalar(0))) {  // inertias of rotors whose masses are elsewhere
+      for (int k = 0; k < 9; ++k) { inertia.data()[k] += other.inertia.data()[k]; }
+      return;
+    }
     Vector3<Scalar> apart;
     for (int i = 0; i < 3; ++i) {
       apart(i) = other.com(i) - com(i);
@@ -79,7 +84,6 @@ struct Body {
     for (int k = 0; k < 9; ++k) { inertia.data()[k] += other.inertia.data()[k]; }
     detail::add_point<Scalar>(mass * (other.mass / total), apart, inertia);
     mass = total;
-    any_moments |= other.any_moments;
   }
 
   template <class T>
@@ -221,7 +225,12 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::cold]] void validate(const Body<Scalar>& body, const std::string& owner)
 {
-  if (body.is_massless) { return; }
+  if (body.is_massless) {
+    if (body.mass != Scalar(0)) {
+      throw ModelError(owner + ": a massless body was given a mass of " + detail::to_text(body.mass) + " kg");
+    }
+    return;
+  }
   if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {
     throw ModelError(owner + ": mass must be positive and finite, got " + detail::to_text(body.mass) +
                      " kg (Body::massless() makes a part without inertia)");

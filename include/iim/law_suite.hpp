@@ -28,6 +28,7 @@
 #include <iim/law_suite_robot.hpp>
 #include <iim/subsystem_matrices.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -52,7 +53,8 @@ struct LawOptions {
   double difference_tolerance = 1e-9;
   /// Of laws that compare two computations: ε times the condition number of M, up to 10⁶ for geared drives.
   double tolerance = 1e-9;
-  /// What springs() may leave out of the derivatives of internal_force, in units of what it tells.
+  /// How far springs() may be from the derivatives of internal_force, in units of the smaller. (What it says nothing
+  /// of, as friction, is explicit.)
   double explicit_part = 0.5;
   std::function<detail::Coordinates<S>(const std::function<double(double, double)>& uniform)> coordinates;
 };
@@ -174,6 +176,8 @@ private:
       }
     });
     double taken = 0;
+    static_assert(has_internal_force<S>() || !(requires { part_.potential(q_i); } || spring_count<S>() > 0),
+                  "a type with potential() or springs() has internal_force(q, qd)");
     if constexpr (has_internal_force<S>()) {
       const Velocities<S> qd_i = qd_.template segment<S::n_i>(node_.v);
       taken = qd_i.dot(part_.internal_force(q_i, qd_i));
@@ -206,8 +210,13 @@ private:
       const Velocities<S> faster = part_.internal_force(q, qd + along), slower = part_.internal_force(q, qd - along);
       by_qd.col(d) = (faster - slower) / (2 * h);
     }
-    if (stiffness.norm() > 0) { hold("springs", apart(by_q, stiffness), options_.explicit_part); }
-    if (damping.norm() > 0) { hold("springs", apart(by_qd, damping), options_.explicit_part); }
+    const auto compare = [&](const Square& found, const Square& told) {
+      if (told.norm() > 0) {
+        hold("springs", (found - told).norm() / std::min(found.norm(), told.norm()), options_.explicit_part);
+      }
+    };
+    compare(by_q, stiffness);
+    compare(by_qd, damping);
   }
 
   LawOptions<S> options_;

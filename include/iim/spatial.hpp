@@ -32,6 +32,9 @@ using VectorX = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
 template <class Scalar>
 using MatrixX = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
+static_assert(!Matrix3<double>::IsRowMajor,
+              "iim reads matrices column by column: do not define EIGEN_DEFAULT_TO_ROW_MAJOR");
+
 /// Cross-product matrix: skew(a) b = a × b.
 template <class Scalar>
 Matrix3<Scalar> skew(const Vector3<Scalar>& a)

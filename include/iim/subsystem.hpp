@@ -102,6 +102,18 @@ concept Subsystem = requires(
   mutable_s.prepare(name);
 };
 
+namespace detail {
+
+/// Says of a type that is none which requirement it does not meet.
+template <class S>
+struct IsSubsystem {
+  static_assert(Subsystem<S>, "this type does not meet the requirements on a Subsystem (iim/subsystem.hpp)");
+};
+template <class... S>
+struct AreSubsystems : IsSubsystem<S>... {};
+
+}  // namespace detail
+
 // Optional members of a subsystem, and what holds without them.
 namespace detail {
 
@@ -161,18 +173,25 @@ constexpr bool is_placed_off()
 template <class S>
 constexpr int rotor_count()
 {
+  static_assert(
+      requires(const S s) { s.rotors(); } || !requires { &S::rotors; },
+      "rotors must be: std::array<Rotor<Scalar, n_i>, N> rotors() const");
   if constexpr (requires(const S s) { s.rotors(); }) {
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().rotors())>>);
   }
   return 0;
 }
 
-/// `has_internal_force = true` and `internal_force(q, qd)`: springs, dampers, friction, n_i; on the left-hand side
+/// `internal_force(q, qd)`: springs, dampers, friction, n_i; on the left-hand side
 /// of (10) as the q̇ rows of h̄_i, so that a spring k q returns +k q.
 template <class S>
 constexpr bool has_internal_force()
 {
-  return requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
+  constexpr bool has = requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
+  static_assert(
+      has || !requires { &S::internal_force; },
+      "internal_force must be: Velocities internal_force(const Coordinates& q, const Velocities& qd) const");
+  return has;
 }
 
 /// `springs(q, qd)`: std::array of Spring, the stiff part of internal_force, which implicit_step takes at the step's
@@ -180,6 +199,9 @@ constexpr bool has_internal_force()
 template <class S>
 constexpr int spring_count()
 {
+  static_assert(
+      requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); } || !requires { &S::springs; },
+      "springs must be: std::array<Spring<Scalar, n_i>, N> springs(const Coordinates& q, const Velocities& qd) const");
   if constexpr (requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); }) {
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().springs(
                                 std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
@@ -193,6 +215,9 @@ constexpr int spring_count()
 template <class S>
 constexpr bool has_own_twist()
 {
+  static_assert(
+      requires(const S s) { s.own_twist(); } || !requires { &S::own_twist; },
+      "own_twist must be: Vector6<Scalar> own_twist() const");
   if constexpr (requires(const S s) { s.own_twist(); }) {
     static_assert(S::n_frames == 1 && S::n_i == 1, "own_twist() is for one frame with one velocity");
     return true;
@@ -218,6 +243,9 @@ constexpr bool takes_turn()
 template <Subsystem S>
 detail::Coordinates<S> coordinate_rate(const S& s, const detail::Coordinates<S>& q, const detail::Velocities<S>& qd)
 {
+  static_assert(
+      requires { s.coordinate_rate(q, qd); } || !requires { &S::coordinate_rate; },
+      "coordinate_rate must be: Coordinates coordinate_rate(const Coordinates& q, const Velocities& qd) const");
   if constexpr (requires { s.coordinate_rate(q, qd); }) {
     return s.coordinate_rate(q, qd);
   } else {
@@ -230,6 +258,8 @@ detail::Coordinates<S> coordinate_rate(const S& s, const detail::Coordinates<S>&
 template <Subsystem S>
 detail::Coordinates<S> neutral(const S& s)
 {
+  static_assert(
+      requires { s.neutral(); } || !requires { &S::neutral; }, "neutral must be: Coordinates neutral() const");
   if constexpr (requires { s.neutral(); }) {
     return s.neutral();
   } else {
