@@ -11,7 +11,8 @@
 
 namespace bench {
 
-/// Every length, mass, inertia and gear ratio times 1 + ε ξ, every axis turned by angles ε ξ; ξ uniform in (−1, 1).
+/// Every length (of the points of forces, too), mass, inertia and gear ratio times 1 + ε ξ, every axis turned by angles
+/// ε ξ; ξ uniform in (−1, 1).
 template <class Digits>
 iim::StandardAssembly<Digits> perturbed(const iim::StandardAssembly<Digits>& parts, std::mt19937_64& source)
 {
@@ -48,7 +49,11 @@ iim::StandardAssembly<Digits> perturbed(const iim::StandardAssembly<Digits>& par
         },
         part.part);
   }
-  for (const auto& frame : parts.named_frames()) { other.add_frame(frame.name, frame.on); }
+  for (const auto& frame : parts.named_frames()) {
+    auto on = frame.on;
+    for (int i = 0; i < 3; ++i) { move(on.p(i)); }
+    other.add_frame(frame.name, on);
+  }
   other.set_gravity(parts.gravity());
   return other;
 }

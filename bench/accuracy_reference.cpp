@@ -135,6 +135,7 @@ AccuracyReference accuracy_reference(const AccuracyScene& scene)
     for (int sample = 0; sample < (exact.tree.n_v() > 100 ? 1 : 2); ++sample) {
       Exact other(scene, perturbed(parts, source));
       const auto moved = other(perturbed(x, source));
+      if (!moved.ok()) { continue; }
       y.Bhat_sensitivity = std::max(y.Bhat_sensitivity, relative(moved.Bhat, values.Bhat));
       y.qdd0_sensitivity = std::max(y.qdd0_sensitivity, relative(moved.qdd0, values.qdd0));
     }

@@ -1,6 +1,7 @@
 // All variants in one Scalar; included by one source file per Scalar.
 #pragma once
 
+#include "../tests/worst.hpp"
 #include "accuracy.hpp"
 #include "frame_conventions.hpp"
 
@@ -103,8 +104,7 @@ void measure(const iim::AffineDynamics<Scalar>& result, const Reference& exact, 
       const long double d =
           (static_cast<long double>(result.Bhat(i, j)) - exact.Bhat.high(i, j)) - exact.Bhat.low(i, j);
       const double scaled = static_cast<double>(std::abs(d) / y.row(i) / y.column(j));
-      // Not std::max: an entry that is not a number must not be passed over.
-      outcome.componentwise = scaled <= outcome.componentwise ? outcome.componentwise : scaled;
+      iim::test::keep_worst(outcome.componentwise, scaled);
     }
   }
   // The worst of at most 64 columns.
@@ -114,7 +114,7 @@ void measure(const iim::AffineDynamics<Scalar>& result, const Reference& exact, 
     const Eigen::Matrix<long double, Eigen::Dynamic, 1> x = result.Bhat.col(j).template cast<long double>();
     const long double left = (y.M * x - y.B.col(j)).cwiseAbs().sum();
     const double scaled = static_cast<double>(left / (size * x.cwiseAbs().sum() * epsilon));
-    outcome.residual = scaled <= outcome.residual ? outcome.residual : scaled;
+    iim::test::keep_worst(outcome.residual, scaled);
   }
 }
 

@@ -73,7 +73,11 @@ void compare(Runner& runner, const Method& method, const std::vector<Reference>&
   record.error_Bhat = method.gives_Bhat ? 0 : std::numeric_limits<double>::quiet_NaN();
   for (std::size_t k = 0; k < references.size(); ++k) {
     const Result result = runner.at(k);
-    record.error_qdd0 = std::max(record.error_qdd0, relative_error(result.qdd0, references[k].qdd0));
+    const double error_qdd0 = relative_error(result.qdd0, references[k].qdd0);
+    if (!(error_qdd0 <= 1e-6)) {
+      throw std::runtime_error("q̈₀ of '" + method.name + "' is wrong by " + std::to_string(error_qdd0));
+    }
+    record.error_qdd0 = std::max(record.error_qdd0, error_qdd0);
     if (method.gives_Bhat) {
       const Precise Bhat = references[k].Bhat.right_columns(m);
       const double error = relative_error(result.Bhat, Bhat);

@@ -6,6 +6,7 @@
 
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <algorithm>
 #include <cstdint>
@@ -16,6 +17,7 @@
 namespace test_branch_cholesky {
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -63,14 +65,14 @@ TEST_CASE("the factorisation is M's, branch-sparse and dense, and solves")
     detail::BranchCholesky<double> cholesky(limbs);
     REQUIRE(cholesky.factorise(equations.M()) == -1);
     const MatrixX<double> L = dense(limbs, equations.M()).triangularView<Eigen::Lower>();
-    worst_product = std::max(worst_product, (L.transpose() * L - M).norm() / M.norm());
+    keep_worst(worst_product, (L.transpose() * L - M).norm() / M.norm());
 
     detail::BranchCholesky<double> plain(detail::Limbs::unbranched(n));
     MatrixX<double> full = MatrixX<double>::Zero(detail::padded<double>(n), n);
     full.topRows(n) = M;
     REQUIRE(plain.factorise(full) == -1);
     const MatrixX<double> L_full = MatrixX<double>(full.topRows(n).transpose()).triangularView<Eigen::Lower>();
-    worst_product = std::max(worst_product, (L_full.transpose() * L_full - M).norm() / M.norm());
+    keep_worst(worst_product, (L_full.transpose() * L_full - M).norm() / M.norm());
 
     // One right-hand side on one path, one on all, through four lanes; the others are zero and stay so.
     const Index v = random.below(static_cast<int>(n));
@@ -85,7 +87,7 @@ TEST_CASE("the factorisation is M's, branch-sparse and dense, and solves")
     cholesky.begin_solve();
     cholesky.reach(v);
     cholesky.solve<4>(X.data());
-    worst_residual = std::max(worst_residual, (M * x.col(1) - b.col(1)).norm() / (M.norm() * x.col(1).norm()));
+    keep_worst(worst_residual, (M * x.col(1) - b.col(1)).norm() / (M.norm() * x.col(1).norm()));
     CHECK(x.col(0).norm() + x.col(2).norm() + x.col(3).norm() == 0);
 
     for (Index k = 0; k < n; ++k) { b(k, 3) = random.uniform(-1, 1); }
@@ -93,7 +95,7 @@ TEST_CASE("the factorisation is M's, branch-sparse and dense, and solves")
     plain.begin_solve();
     plain.reach(n - 1);
     plain.solve<4>(X.data());
-    worst_residual = std::max(worst_residual, (M * x - b).norm() / (M.norm() * x.norm()));
+    keep_worst(worst_residual, (M * x - b).norm() / (M.norm() * x.norm()));
   }
   std::cout << "LᵀL against M " << worst_product << ", residual " << worst_residual << '\n';
   // Higham 2002, Theorems 10.3 and 10.4: backward errors of at most (n+1) ε and (3n+1) ε, n ≤ 110 here.

@@ -6,6 +6,7 @@
 
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,6 +18,7 @@
 namespace test_equations_of_motion {
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -216,7 +218,7 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     const MatrixX<Real> M = M_at(s.q);
     const Mechanics seen = mechanics(s);
     const Real kinetic = s.qd.dot(M * s.qd) / 2;
-    worst_energy = std::max(worst_energy, std::abs(kinetic - seen.kinetic) / seen.kinetic);
+    keep_worst(worst_energy, std::abs(kinetic - seen.kinetic) / seen.kinetic);
 
     // q̇ = 0 in the pass: h is gravity alone, and its power on q̇ is minus that of the weights.
     detail::EquationsOfMotion<Tree, Scene{.velocity = false}> at_rest(s.tree, s.inputs);
@@ -224,8 +226,7 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     at_rest.compute(ws);
     Real weight = 0;
     for (Index f = 0; f < s.tree.n_frames(); ++f) { weight += s.tree.frame_mass(f).mass * s.tree.gravity().norm(); }
-    worst_gravity =
-        std::max(worst_gravity, std::abs(at_rest.h().dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
+    keep_worst(worst_gravity, std::abs(at_rest.h().dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
 
     // In free fall q̇ᵀM q̇ is constant: q̇ᵀh = ½ q̇ᵀṀq̇.
     detail::EquationsOfMotion<Tree, Scene{.gravity = false}> falling(s.tree, s.inputs);
@@ -235,7 +236,7 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     const MatrixX<Real> rate =
         (M_at(moved(s.tree, s.q, s.qd, delta)) - M_at(moved(s.tree, s.q, s.qd, -delta))) / (2 * delta);
     const Real scale = s.qd.squaredNorm() * s.qd.norm() * M.norm();
-    worst_rate = std::max(worst_rate, std::abs(h.dot(s.qd) - s.qd.dot(rate * s.qd) / 2) / scale);
+    keep_worst(worst_rate, std::abs(h.dot(s.qd) - s.qd.dot(rate * s.qd) / 2) / scale);
   }
   std::cout << "relative differences: kinetic energy " << worst_energy << ", gravity " << worst_gravity
             << ", rate of M " << worst_rate << "; tolerance " << tolerance << '\n';
@@ -285,7 +286,7 @@ TEST_CASE("B is the power of the inputs")
         expected.head(3) = axes.transpose() * t.v;
         if (input.kind == InputKind::wrench) { expected.tail(3) = axes.transpose() * t.omega; }
       }
-      worst = std::max(worst, (power.segment(first, input.size) - expected).norm() / (s.qd.norm() + expected.norm()));
+      keep_worst(worst, (power.segment(first, input.size) - expected).norm() / (s.qd.norm() + expected.norm()));
       columns += static_cast<int>(input.size);
     });
   }

@@ -1,5 +1,6 @@
 // Lanes: each lane is the number that the same text computes by itself; decisions are for all lanes, or marked.
 #include "catch.hpp"
+#include "worst.hpp"
 
 #include <iim/several_states.hpp>
 
@@ -10,6 +11,7 @@
 #include <type_traits>
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -77,8 +79,8 @@ void check_sine(double size)
     const Pack<T> x = draw<T>(bits, size);
     const Pack<T> s = sin(x), c = cos(x);
     for (int k = 0; k < Pack<T>::size; ++k) {
-      worst = std::max(worst, ulps(s[k], std::sin(static_cast<long double>(x[k]))));
-      worst = std::max(worst, ulps(c[k], std::cos(static_cast<long double>(x[k]))));
+      keep_worst(worst, ulps(s[k], std::sin(static_cast<long double>(x[k]))));
+      keep_worst(worst, ulps(c[k], std::cos(static_cast<long double>(x[k]))));
     }
   }
   INFO("angles up to " << size);
@@ -95,8 +97,8 @@ void check_sine_at_quarter_turns(int turns)
   for (int n = -turns; n <= turns; n += std::max(1, turns / 5000)) {
     const T near = static_cast<T>(n * std::acos(-1.0L) / 2);
     const Pack<T> x = near;
-    worst = std::max(worst, ulps(sin(x)[0], std::sin(static_cast<long double>(near))));
-    worst = std::max(worst, ulps(cos(x)[0], std::cos(static_cast<long double>(near))));
+    keep_worst(worst, ulps(sin(x)[0], std::sin(static_cast<long double>(near))));
+    keep_worst(worst, ulps(cos(x)[0], std::cos(static_cast<long double>(near))));
   }
   CHECK(worst < 2.5);
 }

@@ -3,6 +3,7 @@
 // limb's first joint does, and what inputs beyond that joint do must not drown in it.
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <iim/iim.hpp>
 
@@ -17,6 +18,7 @@
 namespace test_limb_on_light_base {
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -128,10 +130,10 @@ void check(const char* name, double lightness, First first, bool inside)
       const Results a = results<Scalar>(rounded, inputs(which), q, qd);
       const Results b =
           results<long double>(precise, inputs(which), q.template cast<long double>(), qd.template cast<long double>());
-      worst[0] = std::max(worst[0], relative(a.product, b.sweep) / epsilon);
-      worst[1] = std::max(worst[1], relative(a.sweep, b.sweep) / epsilon);
-      worst[2] = std::max(worst[2], relative(a.qdd0, b.qdd0) / epsilon);
-      worst[3] = std::max(worst[3], relative(a.qdd, b.qdd) / epsilon);
+      keep_worst(worst[0], relative(a.product, b.sweep) / epsilon);
+      keep_worst(worst[1], relative(a.sweep, b.sweep) / epsilon);
+      keep_worst(worst[2], relative(a.qdd0, b.qdd0) / epsilon);
+      keep_worst(worst[3], relative(a.qdd, b.qdd) / epsilon);
     }
     CAPTURE(name, lightness, inside, which);
     // What one ε in the data moves is 6 ε, of the force's columns as of the others; these alone take the conditioning
@@ -145,7 +147,7 @@ double worst_column(const MatrixX<long double>& value, const MatrixX<long double
 {
   double worst = 0;
   for (Index j = 0; j < exact.cols(); ++j) {
-    worst = std::max(worst, relative(VectorX<long double>(value.col(j)), VectorX<long double>(exact.col(j))));
+    keep_worst(worst, relative(VectorX<long double>(value.col(j)), VectorX<long double>(exact.col(j))));
   }
   return worst;
 }
@@ -196,9 +198,9 @@ UnderForce under_force(double load, bool on_base, int side_limbs)
     const Results a = results<Scalar>(rounded, wrench, q, qd, u);
     const Results b = results<long double>(rounded.template cast<long double>(), wrench, q.template cast<long double>(),
                                            qd.template cast<long double>(), u);
-    worst.qdd = std::max(worst.qdd, relative(a.qdd, b.qdd) / epsilon);
-    worst.product = std::max(worst.product, worst_column(a.product, b.sweep) / epsilon);
-    worst.sweep = std::max(worst.sweep, worst_column(a.sweep, b.sweep) / epsilon);
+    keep_worst(worst.qdd, relative(a.qdd, b.qdd) / epsilon);
+    keep_worst(worst.product, worst_column(a.product, b.sweep) / epsilon);
+    keep_worst(worst.sweep, worst_column(a.sweep, b.sweep) / epsilon);
   }
   return worst;
 }

@@ -7,6 +7,7 @@
 
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <algorithm>
 #include <cstdint>
@@ -16,6 +17,7 @@
 namespace test_methods_floating_inside {
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -61,9 +63,9 @@ TEST_CASE("the methods agree on floating bases inside a tree")
     const auto fd = forward_dynamics(state.q, state.qd, ws);
     REQUIRE(fd.ok());
     const auto reference = unit_force(fd);
-    implicit_worst = std::max(implicit_worst, difference(implicit_inversion(fd), reference));
-    recursive_worst = std::max(recursive_worst, difference(recursive_inverse(fd), reference));
-    global_worst = std::max(global_worst, difference(global_inverse(fd), reference));
+    keep_worst(implicit_worst, difference(implicit_inversion(fd), reference));
+    keep_worst(recursive_worst, difference(recursive_inverse(fd), reference));
+    keep_worst(global_worst, difference(global_inverse(fd), reference));
   }
   std::cout << robots << " robots from seed " << first_seed << ", " << inside
             << " floating bases on moving parts; largest relative difference of B̂ from unit forces: implicit inversion "

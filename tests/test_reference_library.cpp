@@ -4,6 +4,7 @@
 
 #include "reference/literal.hpp"
 #include "reference/multiprecision.hpp"
+#include "worst.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -11,6 +12,7 @@
 #include <vector>
 
 using namespace iim;
+using iim::test::keep_worst;
 using namespace iim::reference;
 using Matrix = Dense<Digits50>;
 
@@ -33,9 +35,9 @@ struct Errors {
 
   void grow(const Errors& other)
   {
-    Bhat = std::max(Bhat, other.Bhat);
-    qdd0 = std::max(qdd0, other.qdd0);
-    qdd = std::max(qdd, other.qdd);
+    keep_worst(Bhat, other.Bhat);
+    keep_worst(qdd0, other.qdd0);
+    keep_worst(qdd, other.qdd);
   }
 };
 

@@ -1,5 +1,7 @@
 // Sine and cosine inline, against the same in long double.
-#include <catch.hpp>
+#include "catch.hpp"
+#include "worst.hpp"
+
 #include <iim/scalar.hpp>
 #include <iim/subsystem/motor_arm.hpp>
 #include <iim/turns.hpp>
@@ -93,7 +95,8 @@ TEMPLATE_TEST_CASE("all sines and cosines of a state at once are those of one an
             }
             const iim::Turn<TestType> turn = turns.of(i, q(i));
             const auto exact = static_cast<long double>(q(i));
-            worst = std::max({worst, ulps(turn.sine, std::sin(exact)), ulps(turn.cosine, std::cos(exact))});
+            iim::test::keep_worst(worst, ulps(turn.sine, std::sin(exact)));
+            iim::test::keep_worst(worst, ulps(turn.cosine, std::cos(exact)));
           }
         }
       }

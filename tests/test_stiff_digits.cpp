@@ -1,6 +1,7 @@
 // Implicit steps in square-root form: however stiff a spring, q̈₀ and B̂ keep their digits.
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <iim/subsystem/elastic_motor_arm.hpp>
 #include <iim/subsystem/sprung.hpp>
@@ -12,6 +13,7 @@
 #include <type_traits>
 
 using namespace iim;
+using iim::test::keep_worst;
 
 namespace {
 
@@ -95,7 +97,7 @@ double sensitivity(const Parts<double>& parts, const test::RandomState& state, d
     test::RandomState other = state;
     for (double& x : other.q) { x *= 1 + (random.uniform(-1, 1) > 0 ? eps : -eps); }
     for (double& x : other.qd) { x *= 1 + (random.uniform(-1, 1) > 0 ? eps : -eps); }
-    moved = std::max(moved, relative(step<long double>(parts, other, h).qdd0, exact));
+    keep_worst(moved, relative(step<long double>(parts, other, h).qdd0, exact));
   }
   return moved;
 }

@@ -3,6 +3,7 @@
 // Parallel ankle and MuJoCo: rods and rotors as bodies of their own, held by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
+#include "worst.hpp"
 
 #include <iim/subsystem/parallel_ankle.hpp>
 
@@ -127,7 +128,7 @@ TEST_CASE("A parallel ankle is what MuJoCo has for foot, cranks, rotors and rods
     B(robot.v_of("base"), 0) = B(robot.v_of("rotor0"), 1) = B(robot.v_of("rotor1"), 2) = B(robot.v_of("load"), 3) = 1;
     B.rightCols(6) = robot.wrench("load");
     const std::vector<std::string> names{"base", "foot", "load"};
-    worst = std::max(worst, relative_error(rows_of(tree, answer, names), robot.rows_of(robot.solve(x, xd, B), names)));
+    keep_worst(worst, relative_error(rows_of(tree, answer, names), robot.rows_of(robot.solve(x, xd, B), names)));
   }
   INFO("largest difference " << worst);
   // The condition number of M with rods and rotors that are light is up to 1e5.

@@ -3,6 +3,7 @@
 // Joints and MuJoCo: its hinge, slide, ball and free joints, one after the other on one body where ours are one.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
+#include "worst.hpp"
 
 #include <iim/subsystem/joint_more.hpp>
 
@@ -84,7 +85,7 @@ double difference(Random& random, const Link& link, const std::vector<MujocoJoin
     // Derivative of the velocity in body axes: Eᵀ v̇ − ω × Eᵀ v.
     expected.topRows<3>() = (E.transpose() * expected.topRows<3>()).eval();
     expected.col(0).head<3>() -= Vec3(state.qd.segment<3>(3)).cross(Vec3(state.qd.head<3>()));
-    worst = std::max(worst, relative_error(rows, expected));
+    keep_worst(worst, relative_error(rows, expected));
   }
   return worst;
 }

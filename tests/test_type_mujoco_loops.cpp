@@ -3,6 +3,7 @@
 // Plane loops and MuJoCo: four-bar and slider-crank as cut trees, closed by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"
+#include "worst.hpp"
 
 #include <iim/subsystem/four_bar.hpp>
 #include <iim/subsystem/slider_crank.hpp>
@@ -142,8 +143,8 @@ TEST_CASE("A slider-crank is what MuJoCo has for crank, rod and slider with a co
     const double sine = (m.offset - m.crank * std::sin(q)) / m.rod;
     const double rod = m.side > 0 ? std::asin(sine) : std::acos(-1.0) - std::asin(sine);
     const double reach = m.crank * std::cos(q) + m.rod * std::cos(rod);
-    worst = std::max(
-        worst, around.difference(random, slider, q,
+    keep_worst(worst,
+               around.difference(random, slider, q,
                                  {{"crank", "base", placed(around, Vec3::Zero()), {{"hinge", n}}, slider.body[0]},
                                   {"rod", "crank", {Mat3::Identity(), m.crank * x}, {{"hinge", n}}, slider.body[1]},
                                   {"slider", "base", placed(around, m.offset * y), {{"slide", x}}, slider.body[2]}},
