@@ -84,7 +84,7 @@ TEST_CASE("what every scene of the biped costs")
   hold("q̈₀", robot.pass(), 7086);
   hold("q̈₀ at rest", robot.pass<Scene{.velocity = false}>(), 5545);
   hold("q̈₀ without gravity", robot.pass<Scene{.gravity = false}>(), 7086);
-  hold("B̂, one motor", Robot(biped).motors("left_toe").Bhat(), 430);
+  hold("B̂, one motor", Robot(biped).motors("left_toe").Bhat(), 443);
   hold("B̂, 14 motors", Robot(biped).motors().Bhat(), 3856);
   hold("B̂, 14 motors and one foot: 26 inputs", Robot(biped).motors().contacts(4).Bhat(), 6003);
   hold("B̂, 14 motors and both feet: 38 inputs", Robot(biped).motors().contacts(8).Bhat(), 8150);

@@ -118,5 +118,5 @@ TEST_CASE("Belt and differential transmissions turn what they should")
   needle.mechanism.motor[1].transverse_inertia = 1;
   Assembly<Drive> impossible;
   impossible.add("hip", {}, needle);
-  CHECK_THROWS_WITH(DynamicTree(impossible), Catch::Matchers::ContainsSubstring("hip: rotor 1: axial inertia"));
+  CHECK_THROWS_WITH(DynamicTree(impossible), Catch::Matchers::ContainsSubstring("'hip': rotor 1: axial inertia"));
 }

@@ -69,7 +69,7 @@ protected:
     const Scalar* inlet = H_.data() + step.inlet;
     const FreeAxis<Scalar>* axis = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) {
-      axis = ws.axis_of(node.index);
+      if (step.needed == node.path_v) { axis = ws.axis_of(node.index); }
       if (axis != nullptr) [[unlikely]] { inlet = apart_from(*axis, node); }
     }
     propagate<S>(ws, node, state, step, inlet);

@@ -61,6 +61,7 @@ protected:
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
     const FreeAxis<Scalar>* axis = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { axis = ws.axis_of(node.index); }
+    [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
     std::array<Six, S::n_frames> p_k;
     unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
     Six p;
@@ -71,7 +72,7 @@ protected:
     } else if constexpr (n_i > 0) {
       if constexpr (is_free<S>()) {
         if (const FreeAxis<Scalar>* const base = ws.free_axis(node.frame); base->child >= 0) {
-          move_along_axis(*base, node, state, p);
+          move_along_axis(*base, node, state, p, loaded);
           return;
         }
       }
@@ -225,10 +226,12 @@ protected:
     });
   }
 
-  /// A free frame in matrix form, under the wrench p and what has come from the axis' child (applied_ and along_ of its
-  /// frame): leaves q̈ in rows_, and for the child how the frame moves, apart from S (free_inward.hpp).
+  /// A free frame in matrix form, under the wrench p and forces on its velocities (`others`: if there are any) and what
+  /// has come from the axis' child (applied_ and along_ of its frame): leaves q̈ in rows_, and for the child how the
+  /// frame moves, apart from S (free_inward.hpp).
   template <class S>
-  void move_along_axis(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state, const Six& p)
+  void move_along_axis(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state, const Six& p,
+                       bool others)
   {
     const Index child = this->tree_->node(axis.child).frame;
     Six& limb = applied_[at(child)];
@@ -238,18 +241,22 @@ protected:
       along = zero();
     }
     Six tau;
-    for (int d = 0; d < 6; ++d) {
+    for (int d = 0; d < 6 && others; ++d) {
       tau[at(d)] = rows_[at(node.v + d)];
-      rows_[at(node.v + d)] = zero();
-      for (int c = 0; c < 6; ++c) { tau[at(d)] += p[at(c)] * state.S_k[0](c, d); }
+      for (int c = 0; c < (d < 3 ? 3 : 6); ++c) { tau[at(d)] += p[at(c)] * state.S_k[0](c, d); }
     }
+    for (int d = 0; d < 6; ++d) { rows_[at(node.v + d)] = zero(); }
     Six motion;
     motion.fill(zero());
     Lane e = zero();
     for (int k = 0; k < 6; ++k) {
+      const int end = k < 3 ? 3 : 6;  // the first three do not turn the frame
       e = k < 5 ? zero() : Lane(along * axis.last);
-      for (int c = 0; c < 6; ++c) { e += limb[at(c)] * axis.E(c, k) + tau[at(c)] * state.MbarR_inv_root(c, k); }
-      for (int c = 0; c < 6; ++c) {
+      for (int c = 0; c < end; ++c) {
+        e += limb[at(c)] * axis.E(c, k);
+        if (others) { e += tau[at(c)] * state.MbarR_inv_root(c, k); }
+      }
+      for (int c = 0; c < end; ++c) {
         motion[at(c)] += e * axis.E(c, k);
         rows_[at(node.v + c)] += e * state.MbarR_inv_root(c, k);
       }

@@ -141,6 +141,11 @@ protected:
       for (Index d = 0; d < input.velocities; ++d) {
         entry(rows_[at(input.v + d)], lane) = ws.Bbar()(input.bbar + j * input.velocities + d);
       }
+      if (own_[at(input.subsystem)].free) {
+        const Index frame = tree_->node(input.subsystem).frame;
+        if (loads_[at(frame)] == 0) { applied_[at(frame)].fill(zero()); }
+        loads_[at(frame)] = by_input;
+      }
     } else {
       Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
       if constexpr (Workspace::update == Update::square_root) {
