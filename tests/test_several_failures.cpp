@@ -124,4 +124,14 @@ TEST_CASE("several states in the cycle: contacts come and go, no heap, nothing t
   CHECK(robot.inputs.columns() == all);
 }
 
+TEST_CASE("the assembly of a smaller robot is refused before its memory is read", "[several]")
+{
+  Robot robot;
+  const StandardAssembly<T> smaller = models::chain<T>(2);
+  REQUIRE(robot.tree.size() > 2);
+  CHECK_THROWS_AS(SeveralStates(smaller, robot.inputs), ModelError);
+  const Tree other(smaller);
+  CHECK_THROWS_AS(robot.inputs.on(other), ModelError);
+}
+
 }  // namespace test_several_failures
