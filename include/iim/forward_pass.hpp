@@ -154,6 +154,7 @@ protected:
 
 private:
   /// The child of a free base's axis. What the base moves by along S the joint undoes, but for what rotors within hold.
+  /// (Within `accelerate` it costs the pass of all other robots 1 to 2 %.)
   template <class S>
   [[gnu::noinline]] void accelerate_apart(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state)
   {

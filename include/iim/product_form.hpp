@@ -215,7 +215,8 @@ protected:
     }
   }
 
-  /// H of the axis' free frame without S·rate. Other columns than its own do not move that frame.
+  /// H of the axis' free frame without S·rate. (With a rate beside it, as in square-root form, step 2 of all robots
+  /// takes 4 to 5 % of the time more.) Other columns than its own do not move that frame.
   [[gnu::noinline]] const Scalar* apart_from(const FreeAxis<Scalar>& axis, const Node& node)
   {
     apart_.head(components * ((node.path_v + lanes - 1) / lanes * lanes)).setZero();

@@ -112,10 +112,7 @@ struct IsSubsystem {
 template <class... S>
 struct AreSubsystems : IsSubsystem<S>... {};
 
-}  // namespace detail
-
 // Optional members of a subsystem, and what holds without them.
-namespace detail {
 
 template <class S>
 using Coordinates = Eigen::Matrix<typename S::Scalar, S::n_q, 1>;

@@ -7,8 +7,8 @@
 //     outward   y = X(r) V̇_inlet,   q̈_i = M̄_R⁻¹ τ − W y,   V̇_k = y + S_k q̈_i                       (27), (19)
 //
 // In square-root form Sᵀ p and S q̈ of a frame with one S are kept apart, so that a child on nearly the same axis sees
-// the difference only (SharedAxis). Inward only subsystems between an input and the world have a wrench; outward only
-// trees that an input acts on move.
+// the difference only (SharedAxis); in matrix form between a free base and its axis' child (FreeAxis). Inward only
+// subsystems between an input and the world have a wrench; outward only trees that an input acts on move.
 #pragma once
 
 #include <iim/inputs.hpp>
@@ -79,9 +79,8 @@ protected:
       std::array<Lane, n_i> tau;
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         tau[d] = rows_[at(node.v + d)];
-        if constexpr (follows_free_axis<S, Workspace>) { share = -tau[0]; }  // S W = 1, but for what rotors hold
+        if constexpr (apart || follows_free_axis<S, Workspace>) { share = -tau[0]; }
         if constexpr (apart) {
-          share = -tau[0];
           tau[0] += along_[at(node.frame)];
         } else {
           unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
@@ -187,9 +186,7 @@ protected:
       if (guided) {
         unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
         rows_[at(node.v + d)] = row;
-        if constexpr (apart) { rows_[at(node.v)] -= undone; }
-        if constexpr (apart) { row += slip; }
-        if (axis != nullptr) [[unlikely]] {
+        if (apart || axis != nullptr) {
           rows_[at(node.v)] -= undone;
           row += slip;
         }

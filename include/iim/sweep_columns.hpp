@@ -221,10 +221,12 @@ protected:
   // takes 20 % less.
   FrameBuffers buffers_;
   Array<Six> moving_;
-  Array<Six> applied_;  // to a frame by inputs; of a free one in square-root form its motion, till the outward loop
-  Array<char> loads_;   // of a frame, of type Load
-  Array<Lane> along_;   // in square-root form: inward Sᵀ p, outward q̈ along S
-  Array<Lane> rows_;    // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
+  // To a frame by inputs; of a free one in square-root form its motion, till the outward loop. In matrix form of a
+  // FreeAxis' child what it hands to the free frame, then how that moves apart from S.
+  Array<Six> applied_;
+  Array<char> loads_;  // of a frame, of type Load
+  Array<Lane> along_;  // in square-root form, and of a FreeAxis' child: inward Sᵀ p, outward q̈ along S
+  Array<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   Array<Reach> reach_;
   Array<Own> own_;
   UnitRows<Scalar> unit_rows_;

@@ -47,21 +47,7 @@ struct Driven : M {
     }
     for (std::size_t j = 0; j < count; ++j) {
       const std::string name = owner + ": rotor " + std::to_string(j);
-      motor[j].axis = detail::UnitAxis<Scalar>(motor[j].axis, name).direction;
-      for (const Scalar& x : {motor[j].axial_inertia, motor[j].mass, motor[j].transverse_inertia}) {
-        if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-          throw ModelError(name + ": mass and inertias must be finite and not negative, got " + detail::to_text(x));
-        }
-      }
-      if (!detail::all_finite(motor[j].com)) {
-        throw ModelError(name + ": centre must be finite, got " + detail::to_text(motor[j].com));
-      }
-      // A disc has twice its transverse inertia about its axis; no body has more.
-      if (motor[j].mass > Scalar(0) && motor[j].axial_inertia > Scalar(2 + 1e-6) * motor[j].transverse_inertia) {
-        throw ModelError(name + ": axial inertia cannot exceed twice the transverse inertia, got " +
-                         detail::to_text(motor[j].axial_inertia) + " and " +
-                         detail::to_text(motor[j].transverse_inertia));
-      }
+      motor[j].prepare(name);
       if (carrier[j] < -1 || carrier[j] >= M::n_frames) {
         throw ModelError(name + " is carried by frame " + std::to_string(carrier[j]) + ", but frames are −1 … " +
                          std::to_string(M::n_frames - 1));

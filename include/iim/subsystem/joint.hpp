@@ -14,6 +14,15 @@ namespace iim {
 
 namespace detail {
 
+/// Throws ModelError naming `owner` if the axes are one, but for their directions.
+template <class Scalar>
+[[gnu::cold]] void check_two_axes(const Vector3<Scalar>& first, const Vector3<Scalar>& second, const std::string& owner)
+{
+  if (!(cross(first, second).squaredNorm() > Scalar(1e-12))) {
+    throw ModelError(owner + ": the two axes must differ, got " + to_text(first) + " and " + to_text(second));
+  }
+}
+
 /// A unit vector that may be one of the coordinate axes, which makes turning about it cheap.
 template <class Scalar_>
 struct UnitAxis {

@@ -124,10 +124,7 @@ struct Universal {
   {
     first_ = detail::UnitAxis<Scalar>(first, owner + ": first");
     second_ = detail::UnitAxis<Scalar>(second, owner + ": second");
-    if (!(detail::cross(first, second).squaredNorm() > Scalar(1e-12))) {
-      throw ModelError(owner + ": the two axes must differ, got " + detail::to_text(first) + " and " +
-                       detail::to_text(second));
-    }
+    detail::check_two_axes(first, second, owner);
   }
 
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 2, 1>& q, const Eigen::Matrix<Scalar, 2, 1>& qd,

@@ -21,6 +21,23 @@ struct Motor {
   Scalar transverse_inertia = Scalar(0);            ///< rotor across its axis, about its centre [kg m²]
   bool armature = false;  ///< true: gear_ratio²·axial_inertia on the joint and no other trace of the rotor's spin
 
+  /// Throws ModelError naming `owner` if no rotor can be so; the axis is a unit vector then.
+  [[gnu::cold]] void prepare(const std::string& owner)
+  {
+    axis = detail::UnitAxis<Scalar>(axis, owner).direction;
+    for (const Scalar& x : {axial_inertia, mass, transverse_inertia}) {
+      if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
+        throw ModelError(owner + ": mass and inertias must be finite and not negative, got " + detail::to_text(x));
+      }
+    }
+    if (!detail::all_finite(com)) { throw ModelError(owner + ": centre must be finite, got " + detail::to_text(com)); }
+    // A disc has twice its transverse inertia about its axis; no body has more.
+    if (mass > Scalar(0) && axial_inertia > Scalar(2 + 1e-6) * transverse_inertia) {
+      throw ModelError(owner + ": axial inertia cannot exceed twice the transverse inertia, got " +
+                       detail::to_text(axial_inertia) + " and " + detail::to_text(transverse_inertia));
+    }
+  }
+
   template <class T>
   Motor<T> cast() const
   {
@@ -54,22 +71,9 @@ struct MotorArmOn {
   {
     joint.prepare(name);
     validate(body, name);
-    motor.axis = detail::UnitAxis<Scalar>(motor.axis, name + ": rotor").direction;
+    motor.prepare(name + ": rotor");
     if (!detail::is_finite(motor.gear_ratio)) {
       throw ModelError(name + ": gear ratio must be finite, got " + detail::to_text(motor.gear_ratio));
-    }
-    for (const Scalar& x : {motor.axial_inertia, motor.mass, motor.transverse_inertia}) {
-      if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-        throw ModelError(name + ": rotor mass and inertias must be finite and not negative, got " + detail::to_text(x));
-      }
-    }
-    if (!detail::all_finite(motor.com)) {
-      throw ModelError(name + ": centre of the rotor must be finite, got " + detail::to_text(motor.com));
-    }
-    // A disc has twice its transverse inertia about its axis; no body has more.
-    if (motor.mass > Scalar(0) && motor.axial_inertia > Scalar(2 + 1e-6) * motor.transverse_inertia) {
-      throw ModelError(name + ": axial inertia of a rotor cannot exceed twice its transverse inertia, got " +
-                       detail::to_text(motor.axial_inertia) + " and " + detail::to_text(motor.transverse_inertia));
     }
   }
 

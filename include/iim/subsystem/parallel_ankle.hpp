@@ -52,10 +52,7 @@ struct ParallelAnkleLinkage {
     using std::abs;
     first = detail::UnitAxis<Scalar>(first, owner + ": first").direction;
     second = detail::UnitAxis<Scalar>(second, owner + ": second").direction;
-    if (!(detail::cross(first, second).squaredNorm() > Scalar(1e-12))) {
-      throw ModelError(owner + ": the two axes must differ, got " + detail::to_text(first) + " and " +
-                       detail::to_text(second));
-    }
+    detail::check_two_axes(first, second, owner);
     for (std::size_t k = 0; k < 2; ++k) {
       const std::string name = owner + ": push-rod " + std::to_string(k);
       PushRod<Scalar>& r = rod[k];
