@@ -26,11 +26,11 @@
 #include <iim/carried.hpp>
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/mended_root.hpp>
 #include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/weak_pivot.hpp>
 #include <iim/workspace.hpp>
 
 #include <array>
@@ -129,22 +129,6 @@ template <class Scalar>
   return {Triple<Scalar>(one, zero, zero) - u * x, Triple<Scalar>(zero, one, zero) - u * y};
 }
 
-/// Whether a root C of a free base's A⁻¹ is to be mended (weak_pivot.hpp): one of its pivots is weak, and what its
-/// roundings would be in M⁻¹ is not small beside the larger parts of it. (A biped without rotors has such a pivot in
-/// two states of five, and in one of 36 such that it would be seen; random chains on free bases keep the same digits.)
-template <class Scalar>
-bool is_weak(const Matrix6<Scalar>& C, const Vector6<Scalar>& scale, const Scalar& largest_inverse)
-{
-  for (int k = 0; k < 6; ++k) {
-    const Scalar loss = square(C(k, k)) * scale(k);  // scale to pivot
-    if (ScalarTraits<Scalar>::is_positive(Scalar(8) - loss)) { continue; }
-    Scalar size(0);
-    for (int i = 0; i <= k; ++i) { size += square(C(i, k)); }
-    if (!ScalarTraits<Scalar>::is_positive(largest_inverse - Scalar(4) * loss * size)) { return true; }
-  }
-  return false;
-}
-
 template <Scene scene, class S, class Workspace>
 void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
                         [[maybe_unused]] const typename S::Scalar& largest_inverse)
@@ -223,7 +207,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
         strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k));
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
-    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, largest_inverse)) {
+    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse)) {
       Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
       b[0].put(&T(3, 3));
       b[1].put(&T(3, 4));

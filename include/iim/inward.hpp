@@ -8,6 +8,7 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/inward_root.hpp>
 #include <iim/kinematics.hpp>
+#include <iim/mended_root.hpp>
 #include <iim/registers.hpp>
 #include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
@@ -102,6 +103,10 @@ template <Scene scene, class S, class Workspace>
     hq(d) = -ws.load()(node.v + d);
     scale(d) = Scalar(0);
   }
+  [[maybe_unused]] SpatialInertia<Scalar> A_arrived;
+  if constexpr (mends_roots<scene, S, Workspace>()) {
+    if (ws.frame(node.frame).arrived) { A_arrived = ws.frame(node.frame).A; }
+  }
 #pragma GCC unroll 2
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
@@ -183,7 +188,7 @@ template <Scene scene, class S, class Workspace>
   const bool weak = loses(D, scale);
   bool losing = weak;
   [[maybe_unused]] bool mended = false;
-  if constexpr (mends_pivots<S, Workspace>()) {
+  if constexpr (mends_pivots<scene, S, Workspace>()) {
     if (weak) [[unlikely]] {
       const Scalar pivot = mended_pivot(node, state, spun, scale(0), largest_inverse, scene.implicit, ws, D(0, 0));
       mended = ScalarTraits<Scalar>::is_positive(pivot);
@@ -205,18 +210,34 @@ template <Scene scene, class S, class Workspace>
   if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv)) {
     diagnosis.fail(Status::not_positive_definite, node.index);
   }
-  if constexpr (mends_pivots<S, Workspace>()) { largest_inverse = std::max(largest_inverse, D_inv(0, 0)); }
+  Columns W;
+  [[maybe_unused]] Columns S_inverse;
+  if constexpr (mends_roots<scene, S, Workspace>()) {
+    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok)
+        [[unlikely]] {
+      const FrameState<Scalar>& f = ws.frame(node.frame);
+      VectorI of_arrived = VectorI::Zero();
+      if (f.arrived) { add_scale<pattern>(f.size, state.S_k[0], of_arrived); }
+      const bool far = is_weak(state.MbarR_inv_root, of_arrived, Scalar(3), Scalar(0));
+      mended = mend<pattern>(node, state.S_k[0], f.arrived ? &A_arrived : nullptr, far, scene.implicit, ws,
+                             Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, U, W, S_inverse, carried[0].A});
+    }
+  }
+  if constexpr (mends_any<scene, S, Workspace>()) {
+    for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
+  }
   state.MbarR = D;
   state.MbarR_inv = D_inv;
   state.psi = product(D_inv, hq);
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
-  Columns W;
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
-    W[d] = U[0] * D_inv(d, 0);
+    if (!(mends_roots<scene, S, Workspace>() && mended)) [[likely]] {
+      W[d] = U[0] * D_inv(d, 0);
 #pragma GCC unroll 8
-    for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
+      for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
+    }
     if constexpr (n_i == 1) {
       W[0].put(state.W.data());
     } else {
@@ -226,7 +247,7 @@ template <Scene scene, class S, class Workspace>
   }
   if (node.inlet < 0) { return; }
 
-  if constexpr (mends_pivots<S, Workspace>()) {
+  if constexpr (mends_pivots<scene, S, Workspace>()) {
     if (mended) [[unlikely]] {  // A S = 0 from here on: `projected` leaves it as it is
       const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
       carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]),
@@ -238,7 +259,9 @@ template <Scene scene, class S, class Workspace>
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = A_of(k);
-    if constexpr (Workspace::update == Update::projected) {
+    if constexpr (mends_roots<scene, S, Workspace>()) {
+      return projected<pattern>(A_k, state.S_k[k], U_k[k], mended ? S_inverse : W);
+    } else if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else {
       return A_k;

@@ -303,7 +303,7 @@ public:
       if (bodies.are_found()) { return; }
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
-      bodies.allocate(tree().n_frames(), !this->free_axes_.empty());
+      bodies.allocate(tree().n_frames());
     }
   }
 
