@@ -108,6 +108,21 @@ template <class Workspace>
   return size;
 }
 
+/// The rows on a subsystem's frames, about the inlet's point, to what the inlet's are reduced from: n S_i = 0 of the
+/// rows that are handed on is zero up to roundings of these alone.
+template <class S, class Workspace>
+[[gnu::noinline, gnu::cold]] void add_reduced_from(const Node& node, const NodeState<S>& state, Workspace& ws)
+{
+  using std::abs;
+  using Scalar = typename S::Scalar;
+  RootRow<Scalar> size = size_of_rows(node, S::n_frames, ws);
+  for (int i = 0; i < 3; ++i) {
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+    size(i + 3) += abs(state.r(j)) * size(k) + abs(state.r(k)) * size(j);
+  }
+  ws.root(node.inlet).reduced_from += size;
+}
+
 /// What has been handed on to an inlet without a body of its own is wrong by roundings of the rows `size` that it was
 /// reduced from, `weakness` times as large where their v was small, and so is v of the inlet, be it ever so small.
 /// (Four joints about one point or along one direction, all but the last without mass: of 12000 machines 6000 passed

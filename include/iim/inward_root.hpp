@@ -49,6 +49,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   RowTape<Scalar>* const tape = ws.tape(node.index);
   TriplePair<Scalar> hg;
   VectorI hq, scale;
+  [[maybe_unused]] VectorI reduced_from = VectorI::Zero();
   [[maybe_unused]] Scalar along_h(0);  // S h
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
@@ -84,6 +85,10 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         for (int c = 0; c < 7; ++c) { put_rows<Scalar>(n[static_cast<std::size_t>(c)], rows.at(c, begin + r)); }
       }
       rows.count = begin + rows_k.count;
+      const RootRow<Scalar>& of_frame = ws.root(node.frame + k).reduced_from;
+      for (int d = 0; d < n_i; ++d) {
+        for (int i = 0; i < 6; ++i) { reduced_from(d) += of_frame(i) * abs(S_k(i, d)); }
+      }
     }
     const TriplePair<Scalar> h(f.h.data());
 #pragma GCC unroll 8
@@ -197,7 +202,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     regular = ScalarTraits<Scalar>::is_positive(abs(above.v) - negligible);
   } else {
     if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
-    regular = eliminate<n_i>(rows, scale, top, C, tape);
+    regular = eliminate<n_i>(rows, scale, reduced_from, top, C, tape);
   }
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
@@ -325,6 +330,9 @@ void square_root_inward(const Node& node, const S& s, NodeState<S>& state, Works
     using std::max;
     using Scalar = typename S::Scalar;
     for (int k = 0; k < S::n_frames; ++k) { begin_rows(node.frame + k, ws); }
+    const bool several =
+        node.inlet >= 0 && !ws.root(node.inlet).keeps_v && (S::n_i > 1 || !ws.root(node.inlet).is_free);
+    if (several) [[unlikely]] { add_reduced_from<S>(node, state, ws); }
     const bool bare = node.inlet >= 0 && ws.frame_body(node.inlet).rows == 0 && ws.root(node.inlet).keeps_v;
     RootRow<Scalar> size;
     if (bare) [[unlikely]] { size = size_of_rows(node, S::n_frames, ws); }
