@@ -3,16 +3,16 @@
 //
 // With the columns of S C as motions a, G = Σ_b aᵀ I_b a = Cᵀ D C is 1 but for what C is wrong by, and D⁻¹ = C G⁻¹ Cᵀ:
 // these sums have no number in them that is larger than 1, and bodies meet the motions in their own axes. What hangs on
-// the frame counts in one, with A of it; body by body (bodies_beyond.hpp) where the pivot is small against that, too. As
-// A' S = 0, A' is taken across S again,
+// the frame counts in one, with A of it; body by body (bodies_beyond.hpp) where the pivot is small against that, too.
+// As A' S = 0, A' is taken across S again,
 //
 //     W = S⁺ + D⁻¹ Vᵀ,        A' = E (A − V D⁻¹ Vᵀ) E,        V = E U,        E = 1 − S S⁺
 //
 // (Trees of twelve boxes of any shape, as heavy as each other, double: of 480 states the error of B̂ is over 16 ε in 16
 // for ball joints, 37 for universal ones, 1 to 23 for all kinds of joints together, the worst 45, 48 and 44 ε; without
-// this in 138, 112 and 26 to 50, 330, 129 and 158. The pass of balls takes twice as long. From pivots of an eighth on, as
-// for one velocity, twice as many states are over 16 ε. With V as the sum of all forces beyond, which has its digits,
-// more are: the errors of A and V hang together.)
+// this in 138, 112 and 26 to 50, 330, 129 and 158. The pass of balls takes twice as long. From pivots of an eighth on,
+// as for one velocity, twice as many states are over 16 ε. With V as the sum of all forces beyond, which has its
+// digits, more are: the errors of A and V hang together.)
 //
 // Of a free base, where nothing is handed on, C alone is mended. (Of 3000 random chains on a free base like their links
 // the error of B̂ is over 16 ε for 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at
@@ -204,16 +204,7 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   }
   if (!divide_by_root<Scalar, n>(G, C)) { return false; }
   reduction.C = C;
-#pragma GCC unroll 8
-  for (int i = 0; i < n; ++i) {
-#pragma GCC unroll 8
-    for (int j = 0; j <= i; ++j) {
-      Scalar sum = C(i, i) * C(j, i);
-#pragma GCC unroll 8
-      for (int k = i + 1; k < n; ++k) { sum += C(i, k) * C(j, k); }
-      reduction.D_inv(i, j) = reduction.D_inv(j, i) = sum;
-    }
-  }
+  square_of_root(C, reduction.D_inv);
 
   SixColumns<Scalar, n> U = reduction.U, UC;  // across S
 #pragma GCC unroll 8

@@ -68,6 +68,23 @@ template <class Scalar, int n>
   return positive;
 }
 
+/// C Cᵀ of an upper triangular C.
+template <class Scalar, int n>
+[[gnu::always_inline]] inline void square_of_root(const Eigen::Matrix<Scalar, n, n>& C,
+                                                  Eigen::Matrix<Scalar, n, n>& D_inv)
+{
+#pragma GCC unroll 8
+  for (int j = 0; j < n; ++j) {
+#pragma GCC unroll 8
+    for (int i = 0; i <= j; ++i) {
+      Scalar sum = C(i, j) * C(j, j);
+#pragma GCC unroll 8
+      for (int k = j + 1; k < n; ++k) { sum += C(i, k) * C(j, k); }
+      D_inv(i, j) = D_inv(j, i) = sum;
+    }
+  }
+}
+
 /// Inverts D as D⁻¹ = C Cᵀ; otherwise as root_of_inverse.
 template <class Scalar, int n>
 bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale,
@@ -83,16 +100,7 @@ bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar
     return positive;
   } else {
     const bool positive = root_of_inverse(D, scale, C);
-#pragma GCC unroll 8
-    for (int j = 0; j < n; ++j) {
-#pragma GCC unroll 8
-      for (int i = 0; i <= j; ++i) {
-        Scalar sum = C(i, j) * C(j, j);
-#pragma GCC unroll 8
-        for (int k = j + 1; k < n; ++k) { sum += C(i, k) * C(j, k); }
-        D_inv(i, j) = D_inv(j, i) = sum;
-      }
-    }
+    square_of_root(C, D_inv);
     return positive;
   }
 }
