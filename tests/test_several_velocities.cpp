@@ -25,7 +25,7 @@ namespace {
 
 template <class Scalar>
 using Parts = Assembly<RevoluteLink<Scalar>, UniversalLink<Scalar>, PlanarLink<Scalar>, SphericalLink<Scalar>,
-                       FloatingBase<Scalar>>;
+                       FixedLink<Scalar>, FloatingBase<Scalar>>;
 template <class Scalar>
 using Tree = decltype(DynamicTree(std::declval<const Parts<Scalar>&>()));
 enum class Kind { revolute, universal, planar, ball };
@@ -99,9 +99,11 @@ MatrixX<long double> Bhat(const Parts<double>& assembly, const test::RandomState
   return result.Bhat.template cast<long double>();
 }
 
-/// Four parts, of which the first one is `light`.
+enum class Between { nothing, fixed_link, head };
+
+/// Four parts, of which the first one is `light`; between it and the second a FixedLink, or beside that a head.
 template <class First, class Second>
-Parts<double> arm(double light, test::Random& random)
+Parts<double> arm(double light, Between between, test::Random& random)
 {
   Parts<double> assembly;
   First first;
@@ -111,7 +113,19 @@ Parts<double> arm(double light, test::Random& random)
   Second second;
   second.body = random.body();
   assembly.add("first", {}, first);
-  assembly.add("second", {"first", test::Mat3::Identity(), random.vector(0.5)}, second);
+  Attachment<double> on{"first", test::Mat3::Identity(), random.vector(0.5)};
+  if (std::is_same_v<First, RevoluteLink<double>>) { on.p = {0, 0, 0.5}; }  // on its axis
+  if (between == Between::head) {
+    Body<double> head = random.body();
+    head.mass *= light;
+    head.inertia *= light;
+    assembly.add("head", {"first", random.rotation(), random.vector(0.5)}, RevoluteLink<double>{{}, head});
+  }
+  if (between == Between::fixed_link) {
+    assembly.add("fixed", on, FixedLink<double>{{}, Body<double>::massless()});
+    on = {"fixed", test::Mat3::Identity(), test::Vec3::Zero()};
+  }
+  assembly.add("second", on, second);
   assembly.add("third", {"second", random.rotation(), random.vector(0.5)},
                RevoluteLink<double>{{random.axis()}, random.body()});
   assembly.add("last", {"third", random.rotation(), random.vector(0.5)},
@@ -120,21 +134,24 @@ Parts<double> arm(double light, test::Random& random)
 }
 
 template <class First, class Second>
-void check_light()
+void check_light(Between between = Between::nothing)
 {
   for (const double light : {1.0, 1e-2, 1e-6}) {
+    int ok = 0;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
       CAPTURE(light, seed);
       test::Random random(seed);
-      const Parts<double> assembly = arm<First, Second>(light, random);
+      const Parts<double> assembly = arm<First, Second>(light, between, random);
       const test::RandomState state = random_state(Tree<double>(assembly), random);
       const std::vector<std::string> motors{"third", "last"};
       const auto a = Bhat<float, Update::square_root>(assembly, state, motors);
       const auto b = Bhat<double>(assembly, state, motors);
       REQUIRE(b.size() > 0);
       if (a.size() > 0) { CHECK((a - b).norm() < 1e-2 * b.norm()); }
-      if (light == 1) { CHECK(a.size() > 0); }
+      ok += a.size() > 0;
     }
+    CAPTURE(light);
+    if (light > 1e-3) { CHECK(ok >= (light == 1 ? 20 : 16)); }
   }
 }
 
@@ -153,7 +170,7 @@ TEST_CASE("trees of balls, universal and planar joints keep their digits")
                {{Kind::ball}, 0, false, 50, 140},                      // 41, 74 (54, 240)
                {{Kind::ball}, 0.4, true, 24, 140},                     // 14, 74 (53, 333)
                {{Kind::universal}, 0.4, false, 18, 110},               // 9, 44 (21, 151)
-               {{Kind::revolute, Kind::planar}, 0.4, false, 10, 250},  // 4, 26 (33, 796)
+               {{Kind::revolute, Kind::planar}, 0.4, false, 10, 800},  // 4, 26 (33, 796)
                {{Kind::revolute, Kind::universal, Kind::planar, Kind::ball}, 0.4, true, 18, 110}};  // 9, 57 (37, 247)
   for (const auto& c : cases) {
     CAPTURE(static_cast<int>(c.kinds.back()), c.branch, c.floating);
@@ -180,6 +197,9 @@ TEST_CASE("float says of light subsystems that move like what they carry when no
   check_light<SphericalLink<double>, SphericalLink<double>>();  // 10⁻⁶: 10 % wrong, if there is no status
   check_light<PlanarLink<double>, PlanarLink<double>>();
   check_light<FloatingBase<double>, SphericalLink<double>>();
+  check_light<FloatingBase<double>, SphericalLink<double>>(Between::head);
+  check_light<SphericalLink<double>, SphericalLink<double>>(Between::fixed_link);
+  check_light<RevoluteLink<double>, SphericalLink<double>>();
 }
 
 }  // namespace test_several_velocities

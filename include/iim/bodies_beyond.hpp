@@ -103,8 +103,8 @@ template <class Lane, class Scalar, class Sum>
 
 /// Of all that a frame carries, A about its coupling point. `axes`: those of A; null: the world's.
 template <class Lane, class Scalar, class Sum>
-[[gnu::always_inline]] inline void add_inertia(const SpatialInertia<Scalar>& A, const Matrix3<Scalar>* axes,
-                                               const Motions<Lane>& at_point, Sum& G)
+[[gnu::always_inline]] inline void add_inertia(const SpatialInertia<Scalar>& A, const Motions<Lane>& at_point, Sum& G,
+                                               const Matrix3<Scalar>* axes = nullptr)
 {
   Motions<Lane> a;
   copy(at_point, a);
@@ -194,9 +194,13 @@ public:
     copy(a, room.of(node.frame));
     for (Index i = node.index + 1; i < node.subtree_end;) {
       const Node& part = ws.tree().node(i);
-      const bool whole = part.parent != node.index && part.subtree_end > i + 1;
+      Index carrier = part.parent;  // but for what stands still on it
+      while (carrier != node.index && parts_[static_cast<std::size_t>(carrier)].n_i == 0) {
+        carrier = ws.tree().node(carrier).parent;
+      }
+      const bool whole = carrier != node.index && part.subtree_end > i + 1;
       add_part(part, whole, springs, ws, room, G);
-      i = whole ? part.subtree_end : i + 1;
+      i = whole || parts_[static_cast<std::size_t>(i)].is_free ? part.subtree_end : i + 1;
     }
   }
 
@@ -269,7 +273,7 @@ private:
       copy(a, room.of(frame));
       const auto& f = ws.frame(frame);
       if (whole) {
-        add_inertia<Lane>(f.A, ws.axes().of(frame), a, G);
+        add_inertia<Lane>(f.A, a, G, ws.axes().of(frame));
       } else {
         add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, a, G);
       }

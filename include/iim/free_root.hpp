@@ -126,7 +126,7 @@ bool eliminate_free(RootInertia<Scalar>& inertia, typename RootInertia<Scalar>::
     // float one of a hundred bases that are up to 1e10 times lighter than their limb.
     const Scalar negligible = Scalar(8) * Eigen::NumTraits<Scalar>::epsilon() * scale(row);
     regular &= ScalarTraits<Scalar>::is_positive(abs(n(row)) - negligible);
-    if (!keeps_v || row != p) { regular &= stands_out(n(row), inertia.reduced_from(row)); }
+    if (inertia.is_reduced && !(keeps_v && row == p)) { regular &= stands_out(n(row), inertia.reduced_from(row)); }
     RootRow<Scalar> sum;
     for (int l = 0; l < 8; ++l) { sum(l) = Scalar(l == k ? 1 : 0); }
     for (int l = k + 1; l < 6; ++l) {

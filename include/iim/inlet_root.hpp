@@ -108,19 +108,20 @@ template <class Workspace>
   return size;
 }
 
-/// The rows on a subsystem's frames, about the inlet's point, to what the inlet's are reduced from: n S_i = 0 of the
-/// rows that are handed on is zero up to roundings of these alone.
-template <class S, class Workspace>
-[[gnu::noinline, gnu::cold]] void add_reduced_from(const Node& node, const NodeState<S>& state, Workspace& ws)
+/// Σ |n| of rows about a coupling point, r from the inlet's, to what an inlet's are reduced from: that n S_i = 0 of
+/// what is handed on is up to roundings of these.
+template <class Scalar, class Workspace>
+[[gnu::noinline]] void add_reduced_from(Eigen::Index inlet, RootRow<Scalar> size, const Vector3<Scalar>& r,
+                                        Workspace& ws)
 {
   using std::abs;
-  using Scalar = typename S::Scalar;
-  RootRow<Scalar> size = size_of_rows(node, S::n_frames, ws);
   for (int i = 0; i < 3; ++i) {
     const int j = (i + 1) % 3, k = (i + 2) % 3;
-    size(i + 3) += abs(state.r(j)) * size(k) + abs(state.r(k)) * size(j);
+    size(i + 3) += abs(r(j)) * size(k) + abs(r(k)) * size(j);
   }
-  ws.root(node.inlet).reduced_from += size;
+  RootInertia<Scalar>& N = ws.root(inlet);
+  N.reduced_from = N.is_reduced ? N.reduced_from + size : size;
+  N.is_reduced = true;
 }
 
 /// What has been handed on to an inlet without a body of its own is wrong by roundings of the rows `size` that it was

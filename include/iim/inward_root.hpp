@@ -85,9 +85,9 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         for (int c = 0; c < 7; ++c) { put_rows<Scalar>(n[static_cast<std::size_t>(c)], rows.at(c, begin + r)); }
       }
       rows.count = begin + rows_k.count;
-      const RootRow<Scalar>& of_frame = ws.root(node.frame + k).reduced_from;
-      for (int d = 0; d < n_i; ++d) {
-        for (int i = 0; i < 6; ++i) { reduced_from(d) += of_frame(i) * abs(S_k(i, d)); }
+      const RootInertia<Scalar>& N_k = ws.root(node.frame + k);
+      for (int d = 0; d < n_i && N_k.is_reduced; ++d) {
+        for (int i = 0; i < 6; ++i) { reduced_from(d) += N_k.reduced_from(i) * abs(S_k(i, d)); }
       }
     }
     const TriplePair<Scalar> h(f.h.data());
@@ -200,6 +200,11 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     own_load += own_moment;
     const Scalar negligible = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * scale(0);
     regular = ScalarTraits<Scalar>::is_positive(abs(above.v) - negligible);
+    const RootInertia<Scalar>& N_0 = ws.root(node.frame);
+    if (N_0.is_reduced) [[unlikely]] {
+      regular = regular && stands_out(above.v, dot_of_sizes(TriplePair<Scalar>(N_0.reduced_from.data()),
+                                                            TriplePair<Scalar>(state.S_k[0].data())));
+    }
   } else {
     if (tape != nullptr) [[unlikely]] { tape->tops = rows.count; }
     regular = eliminate<n_i>(rows, scale, reduced_from, top, C, tape);
@@ -316,6 +321,8 @@ void fixed_root_inward(const Node& node, const NodeState<S>& state, int k, Works
     is_compressed = true;
   }
   stack_on_inlet<scene>(node, state, n, count, -1, k == 0, ws, left, tape, from, 0);
+  const RootInertia<Scalar>& N = ws.root(node.frame + k);
+  if (N.is_reduced) [[unlikely]] { add_reduced_from(node.inlet, N.reduced_from, state.r, ws); }
 }
 
 template <Scene scene, class S, class Workspace>
@@ -330,9 +337,13 @@ void square_root_inward(const Node& node, const S& s, NodeState<S>& state, Works
     using std::max;
     using Scalar = typename S::Scalar;
     for (int k = 0; k < S::n_frames; ++k) { begin_rows(node.frame + k, ws); }
-    const bool several =
-        node.inlet >= 0 && !ws.root(node.inlet).keeps_v && (S::n_i > 1 || !ws.root(node.inlet).is_free);
-    if (several) [[unlikely]] { add_reduced_from<S>(node, state, ws); }
+    if constexpr (one_column<S, Workspace>) {  // of an inlet with one column: SharedAxis
+      if (node.inlet >= 0 && !ws.root(node.inlet).keeps_v) {
+        add_reduced_from(node.inlet, size_of_rows(node, 1, ws), state.r, ws);
+      }
+    } else {
+      if (node.inlet >= 0) { add_reduced_from(node.inlet, size_of_rows(node, S::n_frames, ws), state.r, ws); }
+    }
     const bool bare = node.inlet >= 0 && ws.frame_body(node.inlet).rows == 0 && ws.root(node.inlet).keeps_v;
     RootRow<Scalar> size;
     if (bare) [[unlikely]] { size = size_of_rows(node, S::n_frames, ws); }

@@ -21,8 +21,12 @@
 
 #include <iim/articulated_inertia.hpp>
 #include <iim/bodies_beyond.hpp>
+#include <iim/body.hpp>
+#include <iim/kinematics.hpp>
+#include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/spatial.hpp>
+#include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/weak_pivot.hpp>
 #include <iim/workspace.hpp>
@@ -39,13 +43,13 @@ namespace iim::detail {
 template <Scene scene, class S, class Data>
 constexpr bool mends_roots()
 {
-  return mends_any<scene, S, Data>() && S::n_i > 1 && rotor_count<S>() == 0;
+  return mends_any<scene, S, Data>() && S::n_i > 1 && S::n_i <= 6 && rotor_count<S>() == 0;
 }
 
-/// Whether a root C of M̄_R⁻¹ is to be mended: one of its pivots is `least` times smaller than `scale`, and what its
-/// roundings would be in M⁻¹ is not small beside the larger parts of it, not less than largest_inverse. (A biped
-/// without rotors has such a pivot of its base, least = 8, in two states of five, and in one of 36 such that it would
-/// be seen; random chains on free bases keep the same digits.)
+/// Whether a root C of M̄_R⁻¹ is to be mended: `scale` is more than `least` times one of its pivots, and what the
+/// roundings of this would be in M⁻¹ is not small beside the larger parts of it, not less than largest_inverse (0:
+/// whatever these are). (A biped without rotors has such a pivot of its base, least = 8, in two states of five, and in
+/// one of 36 such that it would be seen; random chains on free bases keep the same digits.)
 template <class Scalar, int n>
 bool is_weak(const Eigen::Matrix<Scalar, n, n>& C, const Eigen::Matrix<Scalar, n, 1>& scale, const Scalar& least,
              const Scalar& largest_inverse)
@@ -152,7 +156,8 @@ template <class Scalar, int n, class Lane, std::size_t columns>
   return true;
 }
 
-/// S⁺, row by row. False if S has none.
+/// S⁺ = (SᵀS)⁻¹ Sᵀ, row by row. False if columns of S are within 20° of each other, so that this would lose digits. (By
+/// orthogonal columns, which would not, a quarter more states of balls are over 16 ε.)
 template <MotionPattern pattern, class Scalar, int n>
 [[gnu::always_inline]] inline bool invert(const Eigen::Matrix<Scalar, 6, n>& S, SixColumns<Scalar, n>& inverse)
 {
@@ -164,10 +169,14 @@ template <MotionPattern pattern, class Scalar, int n>
 #pragma GCC unroll 8
     for (int e = 0; e <= d; ++e) { squares(d, e) = dot(column[d], column[e]); }
   }
-  if (!root_of_inverse<Scalar, n>(squares, squares.diagonal(), C)) { return false; }
+  bool apart = root_of_inverse<Scalar, n>(squares, squares.diagonal(), C);
+#pragma GCC unroll 8
+  for (int d = 0; d < n; ++d) {
+    apart &= ScalarTraits<Scalar>::is_positive(Scalar(8) - C(d, d) * C(d, d) * squares(d, d));
+  }
   times_root(column, C, T);
   times_transposed_root(T, C, inverse);
-  return true;
+  return apart;
 }
 
 /// What a subsystem's step makes of A.
@@ -181,24 +190,24 @@ struct Reduction {
   SpatialInertia<Scalar>& A;
 };
 
-/// Makes a reduction right. False, and all as it was, if that cannot be. arrived: the part of A that hangs on the
-/// frame, if anything does. far: body by body.
+/// Makes a reduction right, all but D and U, which nothing needs from there on. False, and all but S⁺ as it was, if
+/// that cannot be. arrived: the part of A that hangs on the frame, if anything does. far: body by body.
 template <MotionPattern pattern, class Scalar, int n, class Data>
 [[gnu::noinline]] bool mend(const Node& node, const Eigen::Matrix<Scalar, 6, n>& S,
                             const SpatialInertia<Scalar>* arrived, bool far, bool springs, Data& ws,
                             const Reduction<Scalar, n>& reduction)
 {
-  constexpr int lanes = n <= 4 ? 4 : 6;
-  using Lane = std::conditional_t<lanes == 4, FourLanes<Scalar>, SixLanes<Scalar>>;
+  constexpr int columns = n <= 4 ? 4 : 6;  // of which up to four share a function
+  using Lane = std::conditional_t<columns == 4, FourLanes<Scalar>, SixLanes<Scalar>>;
   if (ws.axes().of(node.frame) != nullptr || !invert<pattern>(S, reduction.S_inverse)) { return false; }
   Eigen::Matrix<Scalar, n, n> C = reduction.C;
-  std::array<Lane, static_cast<std::size_t>(lanes)> G;
+  std::array<Lane, static_cast<std::size_t>(columns)> G;
   for (Lane& column : G) { clear<Scalar>(column); }
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const Motions<Lane> a = motions<Lane>(S, C);
   add_body(ws.tree().frame_mass(node.frame), f.R, f.r, a, G);
   if (arrived && !far) {
-    add_inertia(*arrived, static_cast<const Matrix3<Scalar>*>(nullptr), a, G);
+    add_inertia(*arrived, a, G);
   } else if (arrived) {
     ws.bodies_beyond().add_up(node, a, springs, ws, G);
   }

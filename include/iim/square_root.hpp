@@ -93,8 +93,9 @@ struct RootInertia {
   std::array<RootRow<Scalar>, 7> G;     ///< of a free frame (free_root.hpp)
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
   Scalar heaviest;                      ///< √m of the heaviest body in the rows
-  RootRow<Scalar> reduced_from;         ///< Σ |n| of rows that its children's were reduced from; of a frame without v
   Eigen::Index apart_along = -1;        ///< of a free frame: the child whose column S is
+  bool is_reduced = false;              ///< whether reduced_from is looked at
+  RootRow<Scalar> reduced_from;         ///< Σ |n| of rows that its children's were reduced from
   bool is_free = false;
   bool keeps_v = false;  ///< the rows have v = n S in their last lane
   Vector6<Scalar> S;     ///< if so
@@ -223,7 +224,7 @@ template <bool velocity, Along along, class Scalar>
                                                RootInertia<Scalar>& N)
 {
   N.heaviest = body.root_mass;
-  if constexpr (along == Along::nothing) { N.reduced_from.setZero(); }
+  N.is_reduced = false;
   place_roots<velocity, along>(body, R, r, omega, N.S, N.own, N.scale);
 }
 
@@ -327,9 +328,10 @@ template <class Scalar>
           row.v + dot(row.n, T)};
 }
 
-/// Whether a pivot T stands out from what it would be of rows of such a size, that others were reduced from. A row of T
-/// that is turned by ε·size/T gets as much of rows that may be as large as size: D⁻¹ is wrong by up to ε (size/T)²,
-/// mostly a tenth of it. (In float, a light ball with a heavy one on it was 10 % wrong at 10⁻⁶ of its mass.)
+/// Whether T² > 16 ε size²: T is a pivot of v = n S, size the same of the rows |n| that n was reduced from. Where n S
+/// is nearly zero, as of a child that moves alike, T is turned by ε·size/T, and its row gets as much of rows that may
+/// be as large as size: D⁻¹ is wrong by up to ε (size/T)², mostly a tenth of it. (In float, a light ball with a heavy
+/// one on it was 10 % wrong at 10⁻⁶ of its mass.)
 template <class Scalar>
 bool stands_out(const Scalar& T, const Scalar& size)
 {
@@ -338,7 +340,8 @@ bool stands_out(const Scalar& T, const Scalar& size)
 
 /// Q of the file's head: takes the columns v, from the eighth on, to T, and [N | z] along; the rows that it takes, [N₁
 /// | z₁ | T], are top. `scale`: what the entries of v would be without cancellation; reduced_from: of the rows that the
-/// children's were reduced from. False if T is singular up to roundings.
+/// children's were reduced from. False if T is singular up to roundings, or does not stand out from those of the
+/// latter.
 template <int n, class Scalar, int most, std::size_t padded>
 bool eliminate(RootRows<Scalar, most, 7 + n>& rows, const Eigen::Matrix<Scalar, n, 1>& scale,
                const Eigen::Matrix<Scalar, n, 1>& reduced_from,

@@ -6,9 +6,10 @@
 //
 //     D = Σ_b a_bᵀ I_b a_b + Σ_r J_r (g_r a)²,        a: q̈_i = 1, and beyond it q̈_j = −W_j y_j
 //
-// over all bodies and rotors from the joint on, that is what the joint moves where the joints beyond it are free
-// (bodies_beyond.hpp). Of all motions beyond this is the least such sum, so that errors of W count by their squares
-// only; it has no differences, and the moments of a body meet the motion in its own axes.
+// over all bodies and rotors from the joint on, that is what the joint moves where the joints beyond it are free. Of
+// all motions beyond this is the least such sum, so that errors of W count by their squares only; it has no
+// differences, and the moments of a body meet the motion in its own axes. What hangs on the joint's children counts in
+// one (why: bodies_beyond.hpp).
 //
 // A' = PᵀA P would bring the roundings of A along S in again, times ‖W‖². As A' S = 0, it is taken across S alone:
 //
@@ -32,15 +33,14 @@
 #include <iim/bodies_beyond.hpp>
 #include <iim/carried.hpp>
 #include <iim/internal_inertia.hpp>
+#include <iim/kinematics.hpp>
 #include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 
 namespace iim::detail {
@@ -72,9 +72,9 @@ Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
   return column;
 }
 
-/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: of all M̄_R⁻¹ of
-/// one velocity so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write to would
-/// not stay in registers.)
+/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: on the
+/// diagonal of all M̄_R⁻¹ so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write
+/// to would not stay in registers.)
 template <class S, class Data>
 [[gnu::noinline]] typename S::Scalar mended_pivot(
     const Node& node, const NodeState<S>& state,
