@@ -14,6 +14,7 @@
 #include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/registers.hpp>
+#include <iim/row.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree_data.hpp>
