@@ -215,11 +215,7 @@ template <Scene scene, class S, class Workspace>
   if constexpr (mends_roots<scene, S, Workspace>()) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok)
         [[unlikely]] {
-      const FrameState<Scalar>& f = ws.frame(node.frame);
-      VectorI of_arrived = VectorI::Zero();
-      if (f.arrived) { add_scale<pattern>(f.size, state.S_k[0], of_arrived); }
-      const bool far = is_weak(state.MbarR_inv_root, of_arrived, Scalar(3), Scalar(0));
-      mended = mend<pattern>(node, state.S_k[0], f.arrived ? &A_arrived : nullptr, far, scene.implicit, ws,
+      mended = mend<pattern>(node, state.S_k[0], A_arrived, scene.implicit, ws,
                              Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, U, W, S_inverse, carried[0].A});
     }
   }

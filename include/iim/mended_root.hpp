@@ -25,6 +25,7 @@
 #include <iim/kinematics.hpp>
 #include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
+#include <iim/roundings.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
@@ -191,10 +192,10 @@ struct Reduction {
 };
 
 /// Makes a reduction right, all but D and U, which nothing needs from there on. False, and all but S⁺ as it was, if
-/// that cannot be. arrived: the part of A that hangs on the frame, if anything does. far: body by body.
+/// that cannot be. arrived: A of what hangs on the frame, if anything does.
 template <MotionPattern pattern, class Scalar, int n, class Data>
 [[gnu::noinline]] bool mend(const Node& node, const Eigen::Matrix<Scalar, 6, n>& S,
-                            const SpatialInertia<Scalar>* arrived, bool far, bool springs, Data& ws,
+                            const SpatialInertia<Scalar>& arrived, bool springs, Data& ws,
                             const Reduction<Scalar, n>& reduction)
 {
   constexpr int columns = n <= 4 ? 4 : 6;  // of which up to four share a function
@@ -206,10 +207,14 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const Motions<Lane> a = motions<Lane>(S, C);
   add_body(ws.tree().frame_mass(node.frame), f.R, f.r, a, G);
-  if (arrived && !far) {
-    add_inertia(*arrived, a, G);
-  } else if (arrived) {
-    ws.bodies_beyond().add_up(node, a, springs, ws, G);
+  if (f.arrived) {
+    Eigen::Matrix<Scalar, n, 1> scale = Eigen::Matrix<Scalar, n, 1>::Zero();
+    add_scale<pattern>(f.size, S, scale);
+    if (is_weak(C, scale, Scalar(3), Scalar(0))) {
+      ws.bodies_beyond().add_up(node, a, springs, ws, G);
+    } else {
+      add_inertia(arrived, a, G);
+    }
   }
   if (!divide_by_root<Scalar, n>(G, C)) { return false; }
   reduction.C = C;
