@@ -104,7 +104,7 @@ template <Scene scene, class S, class Workspace>
     scale(d) = Scalar(0);
   }
   [[maybe_unused]] SpatialInertia<Scalar> A_arrived;
-  if constexpr (mends_roots<scene, S, Workspace>()) {
+  if constexpr (mends_roots<S, Workspace>()) {
     if (ws.frame(node.frame).arrived) { A_arrived = ws.frame(node.frame).A; }
   }
 #pragma GCC unroll 2
@@ -188,7 +188,7 @@ template <Scene scene, class S, class Workspace>
   const bool weak = loses(D, scale);
   bool losing = weak;
   [[maybe_unused]] bool mended = false;
-  if constexpr (mends_pivots<scene, S, Workspace>()) {
+  if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
       const Scalar pivot = mended_pivot(node, state, spun, scale(0), largest_inverse, scene.implicit, ws, D(0, 0));
       mended = ScalarTraits<Scalar>::is_positive(pivot);
@@ -212,14 +212,14 @@ template <Scene scene, class S, class Workspace>
   }
   Columns W;
   [[maybe_unused]] Columns S_inverse;
-  if constexpr (mends_roots<scene, S, Workspace>()) {
-    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok)
-        [[unlikely]] {
+  if constexpr (mends_roots<S, Workspace>()) {
+    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
+        !(scene.implicit && is_sprung(state))) [[unlikely]] {
       mended = mend<pattern>(node, state.S_k[0], A_arrived, scene.implicit, ws,
                              Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, U, W, S_inverse, carried[0].A});
     }
   }
-  if constexpr (mends_any<scene, S, Workspace>()) {
+  if constexpr (mends_any<S, Workspace>()) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
   }
   state.MbarR = D;
@@ -229,7 +229,7 @@ template <Scene scene, class S, class Workspace>
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
-    if (!(mends_roots<scene, S, Workspace>() && mended)) [[likely]] {
+    if (!(mends_roots<S, Workspace>() && mended)) [[likely]] {
       W[d] = U[0] * D_inv(d, 0);
 #pragma GCC unroll 8
       for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
@@ -243,7 +243,7 @@ template <Scene scene, class S, class Workspace>
   }
   if (node.inlet < 0) { return; }
 
-  if constexpr (mends_pivots<scene, S, Workspace>()) {
+  if constexpr (mends_pivots<S, Workspace>()) {
     if (mended) [[unlikely]] {  // A S = 0 from here on: `projected` leaves it as it is
       const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
       carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]),
@@ -255,7 +255,7 @@ template <Scene scene, class S, class Workspace>
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = A_of(k);
-    if constexpr (mends_roots<scene, S, Workspace>()) {
+    if constexpr (mends_roots<S, Workspace>()) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], mended ? S_inverse : W);
     } else if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);

@@ -41,10 +41,10 @@
 namespace iim::detail {
 
 /// Whether the steps of S do so: of several velocities, with nothing within that has inertia of its own.
-template <Scene scene, class S, class Data>
+template <class S, class Data>
 constexpr bool mends_roots()
 {
-  return mends_any<scene, S, Data>() && S::n_i > 1 && S::n_i <= 6 && rotor_count<S>() == 0;
+  return mends_any<S, Data>() && S::n_i > 1 && S::n_i <= 6 && rotor_count<S>() == 0;
 }
 
 /// Whether a root C of M̄_R⁻¹ is to be mended: `scale` is more than `least` times one of its pivots, and what the

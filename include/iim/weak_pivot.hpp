@@ -45,19 +45,28 @@
 
 namespace iim::detail {
 
-/// Whether the steps of S may: of one frame, without springs whose inertia an implicit step adds to D.
-template <Scene scene, class S, class Data>
+/// Whether the steps of S may: of one frame.
+template <class S, class Data>
 constexpr bool mends_any()
 {
-  return Data::update == Update::projected && !bodies_first<typename S::Scalar> && S::n_frames == 1 && !is_free<S>() &&
-         !(scene.implicit && spring_count<S>() > 0);
+  return Data::update == Update::projected && !bodies_first<typename S::Scalar> && S::n_frames == 1 && !is_free<S>();
+}
+
+/// Whether an implicit step adds inertia of springs to D: A' S = 0 is for joints without inertia of their own.
+template <class S>
+bool is_sprung(const NodeState<S>& state)
+{
+  for (const auto& spring : state.springs) {
+    if (!(spring.inertia == typename S::Scalar(0))) { return true; }
+  }
+  return false;
 }
 
 /// Whether the steps of S do so: of a joint that moves its frame along one unit column, turning it or sliding.
-template <Scene scene, class S, class Data>
+template <class S, class Data>
 constexpr bool mends_pivots()
 {
-  return mends_any<scene, S, Data>() && has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
+  return mends_any<S, Data>() && has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
 }
 
 /// S in all six rows.
@@ -90,9 +99,10 @@ template <class S, class Data>
   if (!ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale)) { return Scalar(0); }
   // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
   if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * largest_inverse)) { return Scalar(0); }
-  for (const SpunRotor<S>& rotor : spun) {  // A' S = 0 is for joints without inertia of their own
+  for (const SpunRotor<S>& rotor : spun) {
     if (!(rotor.J == Scalar(0))) { return Scalar(0); }
   }
+  if (springs && is_sprung(state)) { return Scalar(0); }
   const Vector6<Scalar> S_0 = unit_column(state);
   Scalar sum = state.own.D;
   ws.bodies_beyond().add_up(node, Motions<Scalar>{S_0(0), S_0(1), S_0(2), S_0(3), S_0(4), S_0(5)}, springs, ws, sum);
