@@ -265,6 +265,17 @@ struct Misplaced : RevoluteLink<double> {
   }
 };
 
+/// A link whose velocity is a motor's, half as fast.
+struct Stretched : RevoluteLink<double> {
+  Vector6<double> own_twist() const { return joint.own_twist() / 2; }
+};
+
+/// A free body that pushes along its own z.
+struct Thruster : FloatingBase<double> {
+  static constexpr int n_u = 1;
+  Eigen::Matrix<double, 6, 1> Bbar(const Eigen::Matrix<double, 7, 1>&) const { return Vector6<double>::Unit(2); }
+};
+
 }  // namespace
 
 TEST_CASE("bodies and rotors on frames that a subsystem does not have")
@@ -316,4 +327,19 @@ TEST_CASE("a type whose coupling point follows the frame has no body on the inle
   link.body = PlanarOnMotor::body_of(2);
   CHECK_THROWS_WITH(DynamicTree(Assembly<PlanarOnMotor>().add("puck", {}, link)),
                     ContainsSubstring("'puck'") && ContainsSubstring("inlet"));
+}
+
+TEST_CASE("a type's own twist is a unit vector, and motors of a free one push from the world")
+{
+  Stretched arm;
+  arm.body = PlanarOnMotor::body_of(2);
+  CHECK_THROWS_WITH(DynamicTree(Assembly<Stretched>().add("arm", {}, arm)),
+                    ContainsSubstring("'arm'") && ContainsSubstring("own_twist"));
+  Thruster drone;
+  drone.body = PlanarOnMotor::body_of(2);
+  Assembly<Thruster> two;
+  two.add("drone", {}, drone);
+  CHECK_NOTHROW(DynamicTree(two));
+  CHECK_THROWS_WITH(DynamicTree(two.add("another", {"drone"}, drone)),
+                    ContainsSubstring("'another'") && ContainsSubstring("'drone'"));
 }

@@ -64,6 +64,27 @@ TEST_CASE("nothing allocates or throws in the cycle")
       [&](auto& method, const auto&, const auto& q, const auto& qd) { return method(q, qd, ws); });
 }
 
+TEST_CASE("nor in copies of methods that were made while an input was off")
+{
+  const DynamicTree tree(robot());
+  using Tree = std::remove_const_t<decltype(tree)>;
+  Inputs<Tree> inputs = robot_inputs(tree);
+  Workspace ws(tree);
+  const VectorX<double> q = neutral(tree), qd = VectorX<double>::Ones(tree.n_v());
+  for (const bool product : {false, true}) {
+    ImplicitInversion<Tree> method(tree, inputs, product ? 0 : inputs.max_columns() + 1);
+    for (Index id = 0; id < inputs.blocks(); ++id) { inputs.set_active(id, false); }
+    REQUIRE(method(q, qd, ws).ok());
+    ImplicitInversion<Tree> copy = method;
+    Index columns = 0;
+    in_cycle("a copy", [&] {
+      for (Index id = 0; id < inputs.blocks(); ++id) { inputs.set_active(id, true); }
+      columns = copy(q, qd, ws).Bhat.cols();
+    });
+    CHECK(columns == inputs.max_columns());
+  }
+}
+
 TEST_CASE("nor on a large robot, where libraries block their products")
 {
   const Index n = 400;

@@ -59,7 +59,7 @@ struct Robot {
 template <class Result>
 bool is_mismatch(const Result& result)
 {
-  return result.status == Status::mismatch && !result.ok();
+  return result.status == Status::mismatch && result.subsystem == -1 && !result.ok();
 }
 
 template <class Result>
@@ -102,6 +102,12 @@ TEST_CASE("a receipt of another robot, or from before the workspace's last use")
     CHECK(method(receipt).ok());
     static_cast<void>(a.pass());
     CHECK(is_mismatch(method(receipt)));
+    VectorX<double> q = a.state.q;
+    q(1) = std::numeric_limits<double>::quiet_NaN();
+    const auto failed = forward_dynamics(q, a.state.qd, a.ws);
+    CHECK(method(failed).subsystem == 1);
+    static_cast<void>(a.pass());
+    CHECK(is_mismatch(method(failed)));
   });
   ImplicitInversion method(a.tree, a.inputs);
   CHECK(is_mismatch(method(b.state.q, b.state.qd, b.ws)));
@@ -285,6 +291,27 @@ TEST_CASE("tasks of one robot, and another's B̂")
   const auto theirs = other(q, q, ws);
   REQUIRE(theirs.ok());
   CHECK(is_mismatch(tasks(fd, theirs)));
+}
+
+TEST_CASE("several states of an assembly with frames on frames, which are multiplied out")
+{
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    test::Random random(seed);
+    StandardAssembly<double> assembly = robot(1);
+    assembly.add_frame("mount", {"hand", random.rotation(), random.vector(0.5)});
+    assembly.add_frame("flange", {"mount", random.rotation(), random.vector(0.5)});
+    assembly.add("tool", {"flange", random.rotation(), random.vector(0.5)},
+                 RevoluteLink<double>{{random.unit()}, random.body()});
+    const DynamicTree tree(assembly);
+    const Inputs inputs(tree);
+    SeveralStates several(assembly, inputs);
+    const MatrixX<double> q = MatrixX<double>::Random(tree.n_q(), 3);
+    MatrixX<double> qdd0(tree.n_v(), 3), Bhat(tree.n_v() * inputs.columns(), 3);
+    std::vector<Outcome> outcomes(3);
+    // Without velocity q̇ is not read.
+    CHECK(several.evaluate<Scene{.velocity = false}>(q, MatrixX<double>(), qdd0, Bhat, outcomes) == 0);
+    CHECK(several.evaluate(q, MatrixX<double>(), qdd0, Bhat, outcomes) == 3);
+  }
 }
 
 TEST_CASE("several states of another assembly")

@@ -135,6 +135,38 @@ TEST_CASE("Under the torque that keeps the spring at rest an elastic drive is a 
   }
 }
 
+TEST_CASE("A heavy fixed link on an elastic drive, which does not take its body, beside many others")
+{
+  using HeavyParts = Assembly<RevoluteLink<double>, FixedLink<double>, Elastic>;
+  for (std::uint64_t n = 3; n <= 12; ++n) {  // the load's rows are compressed from some n on
+    Random random(n);
+    HeavyParts parts;
+    parts.add("arm", {}, random_elastic(random));
+    FixedLink<double> load{random.body()};
+    load.body.mass *= 1000;
+    load.body.inertia *= 1000;
+    parts.add("load", random_attachment(random, "arm"), load);
+    for (std::uint64_t i = 0; i < n; ++i) {
+      parts.add("link" + std::to_string(i), random_attachment(random, "arm"),
+                RevoluteLink<double>{{random.unit()}, random.body()});
+    }
+    const DynamicTree tree(parts);
+    using Tree = std::remove_const_t<decltype(tree)>;
+    Inputs inputs(tree);
+    inputs.add_wrench("load");
+    Workspace<Tree, Update::square_root> root(tree);
+    Workspace<Tree> matrix(tree);
+    ImplicitInversion by_root(tree, inputs), by_matrix(tree, inputs);
+    const RandomState state = random_state(tree, 0, random);
+    const auto x = by_root(forward_dynamics(state.q, state.qd, root));
+    const auto y = by_matrix(forward_dynamics(state.q, state.qd, matrix));
+    CAPTURE(n);
+    REQUIRE(x.ok());
+    CHECK((x.Bhat - y.Bhat).norm() <= 1e-10 * y.Bhat.norm());
+    CHECK((x.qdd0 - y.qdd0).norm() <= 1e-10 * y.qdd0.norm());
+  }
+}
+
 TEST_CASE("An elastic drive refuses wrong parameters")
 {
   Random random(24);

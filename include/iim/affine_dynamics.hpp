@@ -99,7 +99,7 @@ public:
     return {{qdd0_.data(), qdd0_.size()},
             {Bhat_.data(), qdd0_.size(), columns, Eigen::OuterStride<>(stride_)},
             status,
-            subsystem};
+            status == Status::mismatch ? -1 : subsystem};  // the receipt's would be of something else
   }
 
 private:

@@ -37,12 +37,17 @@ public:
   Array() = default;
   explicit Array(std::size_t size) : Array() { resize(size); }
   Array(std::size_t size, const T& value) : Array() { resize(size, value); }
-  Array(const Array& other) : Array() { append(other.begin(), other.end()); }
+  Array(const Array& other) : Array()
+  {
+    reserve(other.room_);  // what grows in the cycle does not allocate in a copy either
+    append(other.begin(), other.end());
+  }
   Array(Array&& other) noexcept { swap(other); }
   Array& operator=(const Array& other)
   {
     if (this != &other) {
       clear();
+      reserve(other.room_);
       append(other.begin(), other.end());
     }
     return *this;

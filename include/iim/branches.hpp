@@ -23,10 +23,6 @@ namespace iim::detail {
 template <class Scalar>
 inline constexpr int lane_count = register_lanes<Scalar> > 1 ? std::min(2 * register_lanes<Scalar>, 8) : 1;
 
-/// How many columns of B̂ share one load of such numbers in the product for B̂.
-template <class Scalar>
-inline constexpr int tile_count = 4;
-
 /// What holds them.
 template <class Scalar>
 using Lanes = Row<Scalar, lane_count<Scalar>>;

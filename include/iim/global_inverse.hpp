@@ -15,7 +15,6 @@
 #include <iim/workspace.hpp>
 
 #include <algorithm>
-#include <cassert>
 
 namespace iim {
 

@@ -16,7 +16,6 @@
 #include <iim/sweep.hpp>
 #include <iim/workspace.hpp>
 
-#include <cassert>
 #include <cmath>
 #include <concepts>
 #include <limits>

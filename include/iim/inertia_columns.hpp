@@ -20,7 +20,6 @@ struct ColumnBlock {
 
   [[gnu::always_inline]] Scalar operator()(int i, int j) const { return column[static_cast<std::size_t>(j)](i); }
   Scalar& operator()(int i, int j) { return reinterpret_cast<Scalar*>(&column[static_cast<std::size_t>(j)])[i]; }
-  Scalar trace() const { return (*this)(0, 0) + (*this)(1, 1) + (*this)(2, 2); }
 
   /// This × x.
   [[gnu::always_inline]] Triple<Scalar> times(const Scalar& x, const Scalar& y, const Scalar& z) const

@@ -34,8 +34,6 @@ namespace detail {
 template <class T, int N>
 inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
 template <class T, int N>
-inline constexpr int tile_count<iim::Lanes<T, N>> = 4;
-template <class T, int N>
 inline constexpr bool bodies_first<iim::Lanes<T, N>> = true;
 
 template <class T, int N>

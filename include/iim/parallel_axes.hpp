@@ -132,8 +132,8 @@ constexpr bool shares_axes()
   return S::n_frames == 1 && S::n_i <= 1 && (turns_about_axis<S>() || !S::pattern.angular);
 }
 
-/// By how much the largest moment of a joint's own body is larger than what turns about the joint's axis, rotors
-/// included; 0 unless it is enough to lose digits by.
+/// How many times the moments of a joint's own body, their sum, are what turns about the joint's axis, rotors included;
+/// 0 unless it is enough to lose digits by.
 template <class S, class Scalar>
 [[gnu::cold]] Scalar thinness(const S& s, const FrameMass<Scalar>& body)
 {

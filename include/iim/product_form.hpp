@@ -326,7 +326,7 @@ protected:
       for (Index a = 0; a < depth; ++a) {
         const Scalar* const h = component(H(input.frame), a);
         Scalar sum = unit_rows_.share(a, z);
-        for (int c = 3; c < 6; ++c) {
+        for (int c = 0; c < 6; ++c) {
           sum += h[c * lanes] * left(c);
           if (N.keeps_v) { sum += h[rate * lanes] * N.S(c) * left(c); }
         }

@@ -56,6 +56,7 @@ template <class Vector>
 /// not inline them (2× for B̂ of several states).
 template <class Scalar, int n>
 class Row {
+  static_assert(n > 0 && (n & (n - 1)) == 0, "a row is of 1, 2, 4, 8 … numbers");
   static constexpr int side = std::min(register_lanes<Scalar>, n);
   static constexpr int parts = n / side;
   using Part = typename PartOf<Scalar, side>::Type;

@@ -106,11 +106,11 @@ public:
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
-        lane_tree_(assembly.template cast<Pack>()), lane_inputs_((check_tree(), inputs.on(lane_tree_))),
-        lane_workspace_(lane_tree_), lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()),
-        qd_(lane_tree_.n_v()), u_(inputs.max_columns()), qdd_(lane_tree_.n_v()),
-        Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()), one_qd_(lane_tree_.n_v()),
-        one_u_(inputs.max_columns()),
+        lane_tree_(assembly.template cast<Pack>()),
+        lane_inputs_((check_tree(longest(assembly)), inputs.on(lane_tree_))), lane_workspace_(lane_tree_),
+        lane_method_(lane_tree_, lane_inputs_), q_(lane_tree_.n_q()), qd_(lane_tree_.n_v()), u_(inputs.max_columns()),
+        qdd_(lane_tree_.n_v()), Bhat_(lane_tree_.n_v() * inputs.max_columns()), one_q_(lane_tree_.n_q()),
+        one_qd_(lane_tree_.n_v()), one_u_(inputs.max_columns()),
         states_((whole_registers(lane_tree_.n_v()) + whole_registers(Bhat_.size())) * lanes)
   {
   }
@@ -122,11 +122,12 @@ public:
   const Tree& tree() const { return inputs_->tree(); }
   const Inputs<Tree>& inputs() const { return *inputs_; }
 
-  /// Calls f(const PackDynamics&) for the states (q, q̇), a column each: n_q × N and n_v × N.
+  /// Calls f(const PackDynamics&) for the states (q, q̇), a column each: n_q × N and n_v × N. (Without velocity in the
+  /// scene q̇ is not read, here and below.)
   template <Scene scene = Scene{}, class Q, class V, class F>
   void for_each_pack(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, F&& f)
   {
-    const bool fit = fits(q, qd);
+    const bool fit = fits<scene>(q, qd);
     if (fit) { follow_inputs(); }
     for (Index first = 0; first < q.cols(); first += lanes) {
       const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
@@ -139,7 +140,7 @@ public:
         continue;
       }
       load(q.derived(), first, count, q_);
-      load(qd.derived(), first, count, qd_);
+      if constexpr (scene.velocity) { load(qd.derived(), first, count, qd_); }
       LaneVote::reset();
       const AffineDynamics<Pack> result = lane_method_(forward_dynamics<scene>(q_, qd_, lane_workspace_));
       const Index m = result.Bhat.cols();
@@ -150,7 +151,7 @@ public:
       }
       for (int l = 0; l < count; ++l) {
         one_q_ = q.col(first + l);
-        one_qd_ = qd.col(first + l);
+        if constexpr (scene.velocity) { one_qd_ = qd.col(first + l); }
         const AffineDynamics<Scalar> one = method_(forward_dynamics<scene>(one_q_, one_qd_, workspace_));
         outcome_[at(l)] = {one.status, one.subsystem};
         for (Index i = 0; i < qdd_.size(); ++i) { qdd_(i).set(l, one.qdd0(i)); }
@@ -194,7 +195,7 @@ public:
     assert(Bhat.rows() == n * inputs_->columns() && Bhat.cols() == q.cols() && "Bhat must be (n_v·m) × N");
     assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
     Index failed = 0;
-    if (!fits(q, qd)) {
+    if (!fits<scene>(q, qd)) {
       qdd0.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       Bhat.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       return refuse(outcomes);
@@ -218,7 +219,7 @@ public:
     const Index n = tree().n_v();
     const bool u_fits = u.rows() == m && u.cols() == q.cols();
     assert(u_fits && "u must be m × N");
-    if (!fits(q, qd) || !u_fits) {
+    if (!fits<scene>(q, qd) || !u_fits) {
       qdd.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       return refuse(outcomes);
     }
@@ -229,7 +230,7 @@ public:
     for (Index first = 0; first < q.cols(); first += lanes) {
       const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
       load(q.derived(), first, count, q_);
-      load(qd.derived(), first, count, qd_);
+      if constexpr (scene.velocity) { load(qd.derived(), first, count, qd_); }
       load(u.derived(), first, count, u_);
       LaneVote::reset();
       const Acceleration<Pack> result = forward_dynamics<scene>(q_, qd_, lane_inputs_, u_.head(m), lane_workspace_);
@@ -239,7 +240,7 @@ public:
       } else {
         for (int l = 0; l < count; ++l) {
           one_q_ = q.col(first + l);
-          one_qd_ = qd.col(first + l);
+          if constexpr (scene.velocity) { one_qd_ = qd.col(first + l); }
           one_u_.head(m) = u.col(first + l);
           const Acceleration<Scalar> one =
               forward_dynamics<scene>(one_q_, one_qd_, *inputs_, one_u_.head(m), workspace_);
@@ -262,8 +263,23 @@ private:
   static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
   static constexpr Index whole_registers(Index numbers) { return (numbers + lanes - 1) / lanes * lanes; }
 
-  [[gnu::cold]] void check_tree() const
+  /// Of the vectors that its parts and frames are placed by.
+  template <class AssemblyType>
+  static Scalar longest(const AssemblyType& assembly)
   {
+    Scalar length(0);
+    for (const auto& part : assembly.parts()) { length = std::max(length, Scalar(part.on.p.cwiseAbs().maxCoeff())); }
+    for (const auto& frame : assembly.named_frames()) {
+      length = std::max(length, Scalar(frame.on.p.cwiseAbs().maxCoeff()));
+    }
+    return length;
+  }
+
+  /// Up to the roundings in which placements, in frames of frames, and bodies were merged. length: longest.
+  [[gnu::cold]] void check_tree(const Scalar& length) const
+  {
+    using std::abs;
+    const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
     if (!lane_tree_.is_shaped_as(tree())) { throw ModelError("the assembly has other parts than the inputs' tree"); }
     const auto differs = [](const Scalar& a, const Pack& b) { return a != b[0]; };
     for (int k = 0; k < 3; ++k) {
@@ -275,8 +291,8 @@ private:
       const auto& own = tree().placement(node.index);
       const auto& other = lane_tree_.placement(node.index);
       bool same = tree().name(node.index) == lane_tree_.name(node.index);
-      for (int k = 0; k < 9; ++k) { same = same && !differs(own.R.data()[k], other.R.data()[k]); }
-      for (int k = 0; k < 3; ++k) { same = same && !differs(own.p(k), other.p(k)); }
+      for (int k = 0; k < 9; ++k) { same = same && abs(own.R.data()[k] - other.R.data()[k][0]) <= roundings; }
+      for (int k = 0; k < 3; ++k) { same = same && abs(own.p(k) - other.p(k)[0]) <= roundings * length; }
       const Index end = node.index + 1 < tree().size() ? tree().node(node.index + 1).frame : tree().n_frames();
       same = same && bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index));
       for (Index f = node.frame; f < end; ++f) {
@@ -289,7 +305,6 @@ private:
     }
   }
 
-  /// Up to the roundings in which a body was merged from several.
   static bool bodies_agree(const FrameMass<Scalar>& a, const FrameMass<Pack>& b)
   {
     using std::abs;
@@ -308,10 +323,11 @@ private:
   }
 
   /// Whether q and q̇ have the tree's sizes, and the inputs are those that this was made for.
-  template <class Q, class V>
+  template <Scene scene, class Q, class V>
   bool fits(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd) const
   {
-    const bool q_fits = q.rows() == lane_tree_.n_q(), qd_fits = qd.rows() == lane_tree_.n_v() && qd.cols() == q.cols(),
+    const bool q_fits = q.rows() == lane_tree_.n_q(),
+               qd_fits = !scene.velocity || (qd.rows() == lane_tree_.n_v() && qd.cols() == q.cols()),
                same = inputs_->id() == inputs_id_;
     assert(q_fits && "q must have n_q rows");
     assert(qd_fits && "qd must be n_v × N");

@@ -244,7 +244,6 @@ struct Symmetric3 {
     return turned;
   }
 
-  Scalar trace() const { return at[0] + at[3] + at[5]; }
   [[gnu::always_inline]] detail::Triple<Scalar> diagonal() const { return {at[0], at[3], at[5]}; }
 
   /// += 2 (r·s) 1 − r sᵀ − s rᵀ.

@@ -41,7 +41,8 @@ struct MotionPattern {
   bool bias = true;     ///< bias is not zero
   /// S and bias are about the frame's origin instead of the coupling point, which moves there. Of one frame that slides
   /// far, with no bodies on the inlet: what it carries is then about a point of its own. (A base that slides and turns
-  /// in a plane, 1 km away: B̂ 5.6e6 ε without, 1 with.)
+  /// in a plane, 1 km away: B̂ 5.6e6 ε without, 1 with.) A single column must be the same about both points, as a
+  /// screw's is.
   bool about_frame = false;
 
   /// Of a joint without bias whose S is the same about both points.
@@ -98,7 +99,8 @@ concept Subsystem = requires(
   { s.bodies()[0] } -> std::convertible_to<CarriedBody<typename T::Scalar>>;
   // q̇ rows of B̄_i: generalised force on q̇_i per motor input, n_i × n_u.
   { s.Bbar(q) } -> std::convertible_to<Eigen::Matrix<typename T::Scalar, T::n_i, T::n_u>>;
-  // Throws ModelError naming `name` if the parameters are wrong; may precompute. Called once, by the tree.
+  // Throws ModelError naming `name` if the parameters are wrong; may precompute. Called by the tree, on what may be
+  // prepared already.
   mutable_s.prepare(name);
 };
 
@@ -120,9 +122,10 @@ template <class S>
 using Velocities = Eigen::Matrix<typename S::Scalar, S::n_i, 1>;
 
 /// `static constexpr bool is_free = true`: the internal motion is all of SE(3), so nothing passes from the frame to the
-/// parent. One frame with one body; its coupling point moves with it and is the body's centre of mass, and q̇_i is the
-/// velocity of the frame's origin and its angular velocity, in orthogonal axes e_d: with r the origin from the centre,
-/// S = [e r×e; 0 e] and W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ].
+/// parent. One frame with one body; its coupling point moves with it and is the body's centre of mass, q begins with
+/// the frame's origin in inlet axes, and q̇_i is the velocity of the origin and the angular velocity, both in the
+/// frame's axes e_d: with r the origin from the centre, S = [e r×e; 0 e] and W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ]. With motors
+/// or internal forces it is for the world alone: on another part these would need something to push from.
 template <class S>
 constexpr bool is_free()
 {
@@ -207,8 +210,9 @@ constexpr int spring_count()
 }
 
 /// `own_twist()`: one frame and one velocity only; twist of the frame per q̇ at the frame's origin in the frame's own
-/// axes, which is the same in every configuration. Update::square_root forms S of the frame's own body from it: a
-/// centre of mass on the axis, or a thin moment about it, then stays what it is, whatever a turn to world axes rounds.
+/// axes, which is the same in every configuration, a unit vector where it only turns or only slides.
+/// Update::square_root forms S of the frame's own body from it: a centre of mass on the axis, or a thin moment about
+/// it, then stays what it is, whatever a turn to world axes rounds.
 template <class S>
 constexpr bool has_own_twist()
 {

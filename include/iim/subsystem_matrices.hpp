@@ -107,13 +107,15 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
 
 }  // namespace detail
 
-/// Subsystem `i` of the tree at the state of the receipt `fd`. Allocates; not for the cycle.
+/// Subsystem `i` of the tree at the state of the receipt `fd`. Allocates, and throws ModelError if the workspace has been
+/// used since; not for the cycle.
 template <class Workspace>
 SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDynamics<Workspace>& fd, Index i)
 {
   using Scalar = typename Workspace::Scalar;
   const Workspace& ws = fd.workspace();
   const auto& tree = ws.tree();
+  if (fd.status_on(tree) == Status::mismatch) { throw ModelError("the workspace has been used since the receipt"); }
   assert(0 <= i && i < tree.size() && "no such subsystem");
   SubsystemMatrices<Scalar> m;
   Vector3<Scalar> r, c;

@@ -380,7 +380,7 @@ private:
             {JB_.data(), rows_, m, Stride(JB_.rows())},
             {Vdot0_.data(), rows_},
             status,
-            subsystem};
+            status == Status::mismatch ? -1 : subsystem};
   }
 
   const Tree* tree_;

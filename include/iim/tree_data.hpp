@@ -136,7 +136,17 @@ protected:
     for (const auto& part : parts) {
       std::visit(
           [&]<class S>(const S& s) {
+            static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
             append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
+            if constexpr (has_own_twist<S>() && S::pattern.linear != S::pattern.angular) {
+              check_unit(part.name, "own_twist", s.own_twist());
+            }
+            if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
+              if (part.parent >= 0) {
+                throw ModelError("subsystem '" + part.name + "': a free one with motors or internal forces on '" +
+                                 names_[static_cast<std::size_t>(part.parent)] + "' instead of the world");
+              }
+            }
             for (const CarriedBody<Scalar>& carried : s.bodies()) {
               if (follows_frame<S>() && carried.frame < 0) {
                 throw ModelError("subsystem '" + part.name +
@@ -249,10 +259,15 @@ private:
     }
     if (!all_finite(rotor.ratio)) { throw ModelError(part + "ratios must be finite, got " + to_text(rotor.ratio)); }
     if (!rotor.coupled) { return; }
+    check_unit(name, "a rotor's axis", rotor.axis);
+  }
+  template <class Vector>
+  [[gnu::cold]] static void check_unit(const std::string& name, const char* what, const Vector& x)
+  {
     double square = 0;
-    for (int i = 0; i < 3; ++i) { square += to_double(rotor.axis(i)) * to_double(rotor.axis(i)); }
+    for (Index i = 0; i < x.size(); ++i) { square += to_double(x(i)) * to_double(x(i)); }
     if (!(std::abs(square - 1) < 2e-6)) {
-      throw ModelError(part + "axis must be a unit vector, got " + to_text(rotor.axis));
+      throw ModelError("subsystem '" + name + "': " + what + " must be a unit vector, got " + to_text(x));
     }
   }
 

@@ -76,10 +76,12 @@ private:
 };
 
 /// B̂ and q̈₀ by unit forces on the workspace of the O(n) pass: per input a bias pass along its path to the world and an
-/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, 1: one unit force after the other, 0: as
-/// many as pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
+/// acceleration pass over the tree. O(n) per input; `width` inputs at a time, a power of two, 1: one unit force after the
+/// other, 0: as many as pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
 template <class Tree, int width = 0>
 class UnitForce {
+  static_assert(width >= 0 && (width & (width - 1)) == 0, "UnitForce: width is 0 or a power of two");
+
 public:
   using Scalar = typename Tree::Scalar;
 

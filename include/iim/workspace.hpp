@@ -185,7 +185,10 @@ protected:
     }
     if (!heavy_.carries(node.index)) { return; }
     tapes_[at(node.index)].add_room(at(n_i) + rank, (most + rank) * at(n_frames) + at(n_within), at(n_within));
-    for (int k = 0; k < n_frames; ++k) { frame_tapes_[at(node.frame + k)].add_room(0, 0, 1); }
+    for (int k = 0; k < n_frames; ++k) {
+      frame_tapes_[at(node.frame + k)].add_room(0, 0, 1);
+      if (n_i == 0) { frame_tapes_[at(node.frame + k)].add_room(rank, most + rank, 0); }  // what is compressed
+    }
   }
 
   /// One more frame for the limb of each free axis that others hand on after, or that has other axes.

@@ -15,9 +15,9 @@ struct Motor {
   using Scalar = Scalar_;
   Scalar gear_ratio = Scalar(1);                    ///< rotor rate relative to the housing per joint rate
   Scalar axial_inertia = Scalar(0);                 ///< rotor about its axis [kg m²]
-  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< rotor axis, unit vector in inlet axes
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< rotor axis, unit vector in the axes of what carries it: the inlet
   Scalar mass = Scalar(0);                          ///< of the rotor [kg]; zero: contained in the parent's body
-  Vector3<Scalar> com = Vector3<Scalar>::Zero();    ///< of the rotor, on its axis, inlet axes [m]
+  Vector3<Scalar> com = Vector3<Scalar>::Zero();    ///< of the rotor, on its axis, in the same axes [m]
   Scalar transverse_inertia = Scalar(0);            ///< rotor across its axis, about its centre [kg m²]
   bool armature = false;  ///< true: gear_ratio²·axial_inertia on the joint and no other trace of the rotor's spin
 
