@@ -46,6 +46,15 @@ TEST_CASE("the counters are off")
 
 #endif
 
+/// Implicit inversion in a form of one's choice.
+template <class Tree>
+struct Form : ImplicitInversion<Tree> {
+  Form(const Tree& tree, const Inputs<Tree>& inputs, bool product)
+      : ImplicitInversion<Tree>(tree, inputs, product ? 0 : inputs.max_columns() + 1)
+  {
+  }
+};
+
 TEST_CASE("nothing allocates or throws in the cycle")
 {
   const DynamicTree tree(robot());
@@ -72,10 +81,10 @@ TEST_CASE("nor in copies of methods that were made while an input was off")
   Workspace ws(tree);
   const VectorX<double> q = neutral(tree), qd = VectorX<double>::Ones(tree.n_v());
   for (const bool product : {false, true}) {
-    ImplicitInversion<Tree> method(tree, inputs, product ? 0 : inputs.max_columns() + 1);
+    Form<Tree> method(tree, inputs, product);
     for (Index id = 0; id < inputs.blocks(); ++id) { inputs.set_active(id, false); }
     REQUIRE(method(q, qd, ws).ok());
-    ImplicitInversion<Tree> copy = method;
+    Form<Tree> copy = method;
     Index columns = 0;
     in_cycle("a copy", [&] {
       for (Index id = 0; id < inputs.blocks(); ++id) { inputs.set_active(id, true); }

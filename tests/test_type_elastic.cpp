@@ -142,7 +142,8 @@ TEST_CASE("A heavy fixed link on an elastic drive, which does not take its body,
     Random random(n);
     HeavyParts parts;
     parts.add("arm", {}, random_elastic(random));
-    FixedLink<double> load{random.body()};
+    FixedLink<double> load;
+    load.body = random.body();
     load.body.mass *= 1000;
     load.body.inertia *= 1000;
     parts.add("load", random_attachment(random, "arm"), load);

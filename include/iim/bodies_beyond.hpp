@@ -3,8 +3,8 @@
 //
 // Body by body of what hangs on the frame; what hangs on that in turn counts with A of its frames, all that these carry
 // in one: little of a motion that meets a small inertia gets as far, and a subsystem's sum takes as long in a chain of
-// any length. (Body by body to the tips no error is smaller. With A of the first frames already, balls in a row lose
-// four times the digits.)
+// any length. (Body by body to the tips no error is smaller, but under heavy loads, where A has no digits left. With A
+// of the first frames already, balls in a row lose four times the digits.)
 //
 // Of one acceleration in single numbers, or of up to four or six side by side. Types do not come into it: each
 // subsystem has said once where its numbers are. (With a function of each type for any number of accelerations the pass
@@ -117,18 +117,22 @@ template <class Lane, class Scalar, class Sum>
       }
     }
   }
-#pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const int low = std::min(i, 1), high = std::max(i, 1);  // of a symmetric block there is the upper half
+  // Indices that g++ knows as constants: otherwise -O2 warns of places beyond the arrays.
+  unrolled<3>([&](auto index) __attribute__((always_inline)) {
+    constexpr int i = decltype(index)::value;
+    constexpr std::size_t at = i;
+    constexpr int low = std::min(i, 1), high = std::max(i, 1);  // of a symmetric block there is the upper half
     Lane force = a[0] * A.M(0, i) + a[1] * A.M(low, high) + a[2] * A.M(i, 2);
     Lane moment = a[3] * A.J(0, i) + a[4] * A.J(low, high) + a[5] * A.J(i, 2);
     force += a[3] * A.H(i, 0) + a[4] * A.H(i, 1) + a[5] * A.H(i, 2);
     moment += a[0] * A.H(0, i) + a[1] * A.H(1, i) + a[2] * A.H(2, i);
     add_product(a[at], force, G);
     add_product(a[at + 3], moment, G);
-  }
+  });
 }
+
+/// How many subsystems count body by body, on whatever they hang.
+inline constexpr Index far = 32;
 
 /// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
 template <class Scalar>
@@ -146,6 +150,47 @@ class BodiesBeyond {
   };
 
 public:
+  /// Where the numbers of a subsystem are.
+  struct Part {
+    const Matrix3<Scalar>* R;
+    const Vector3<Scalar>* r;
+    const Scalar* S;   ///< of all frames, 6 × n_i each
+    const Scalar* W;   ///< n_i × 6
+    const Scalar* C;   ///< n_i × n_i
+    const Scalar* qd;  ///< where there are rotors
+    int n_i, n_frames;
+    bool is_free;  ///< stays where it is, whatever its inlet does
+    std::size_t rotors_end, springs_end;
+  };
+  struct RotorPart {
+    int frame;  ///< that carries it; −1: the inlet
+    Vector3<Scalar> axis;
+    Scalar inertia;
+    bool coupled;
+    std::size_t ratio;
+  };
+  struct SpringPart {
+    const Scalar* inertia;
+    const Scalar* ratio;
+  };
+  const Part& part(Index i) const { return parts_[static_cast<std::size_t>(i)]; }
+  /// f(rotor, its ratios) of each rotor of subsystem i.
+  template <class F>
+  void for_each_rotor(Index i, F&& f) const
+  {
+    for (std::size_t k = i > 0 ? part(i - 1).rotors_end : 0; k < part(i).rotors_end; ++k) {
+      f(rotors_[k], ratios_.data() + rotors_[k].ratio);
+    }
+  }
+  /// f(inertia, ratios) of each spring.
+  template <class F>
+  void for_each_spring(Index i, F&& f) const
+  {
+    for (std::size_t k = i > 0 ? part(i - 1).springs_end : 0; k < part(i).springs_end; ++k) {
+      f(*springs_[k].inertia, springs_[k].ratio);
+    }
+  }
+
   /// Whether it is known where the subsystems' numbers are.
   bool are_found() const { return found_.yes; }
   void clear()
@@ -167,8 +212,8 @@ public:
       }
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
-    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), S::n_i, S::n_frames, is_free<S>(),
-                      rotors_.size(), springs_.size()});
+    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(),
+                      state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
   }
   /// After the last.
@@ -180,8 +225,10 @@ public:
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a. `springs`: of an implicit step.
+  /// one_by_one: that many subsystems after it count body by body, on whatever they hang.
   template <class Lane, class Data, class Sum>
-  [[gnu::noinline]] void add_up(const Node& node, const Motions<Lane>& a, bool springs, const Data& ws, Sum& G)
+  [[gnu::noinline]] void add_up(const Node& node, const Motions<Lane>& a, bool springs, const Data& ws, Sum& G,
+                                Index one_by_one = 0)
   {
     auto& room = [this]() -> auto& {
       if constexpr (std::is_same_v<Lane, Scalar>) {
@@ -193,40 +240,25 @@ public:
       }
     }();
     copy(a, room.of(node.frame));
-    for (Index i = node.index + 1; i < node.subtree_end;) {
-      const Node& part = ws.tree().node(i);
-      Index carrier = part.parent;  // but for what stands still on it
-      while (carrier != node.index && parts_[static_cast<std::size_t>(carrier)].n_i == 0) {
-        carrier = ws.tree().node(carrier).parent;
-      }
-      const bool whole = carrier != node.index && part.subtree_end > i + 1;
-      add_part(part, whole, springs, ws, room, G);
-      i = whole || parts_[static_cast<std::size_t>(i)].is_free ? part.subtree_end : i + 1;
-    }
+    add_beyond(node, one_by_one, springs, ws, room, G);
+  }
+
+  /// Of subsystem `node` and what hangs on it, its inlet at rest, for column d of C, M̄_R⁻¹ = C Cᵀ: 1, but for what C or
+  /// W of those beyond are wrong by.
+  template <class Data>
+  [[gnu::noinline]] Scalar unit_of(const Node& node, int d, bool springs, const Data& ws)
+  {
+    const Part& part = parts_[static_cast<std::size_t>(node.index)];
+    Motions<Scalar> y;
+    y.fill(Scalar(0));
+    for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
+    Scalar G(0);
+    add_moved(node, y, false, springs, ws, one_, G);
+    add_beyond(node, far, springs, ws, one_, G);
+    return G;
   }
 
 private:
-  /// Where the numbers of a subsystem are.
-  struct Part {
-    const Matrix3<Scalar>* R;
-    const Vector3<Scalar>* r;
-    const Scalar* S;  ///< of all frames, 6 × n_i each
-    const Scalar* W;  ///< n_i × 6
-    int n_i, n_frames;
-    bool is_free;  ///< stays where it is, whatever its inlet does
-    std::size_t rotors_end, springs_end;
-  };
-  struct RotorPart {
-    int frame;  ///< that carries it; −1: the inlet
-    Vector3<Scalar> axis;
-    Scalar inertia;
-    bool coupled;
-    std::size_t ratio;
-  };
-  struct SpringPart {
-    const Scalar* inertia;
-    const Scalar* ratio;
-  };
   /// Accelerations of frames, and of one subsystem's velocities.
   template <class Lane>
   struct Room {
@@ -241,13 +273,26 @@ private:
     Motions<Lane>& of(Index frame) { return frames[static_cast<std::size_t>(frame)]; }
   };
 
+  template <class Lane, class Data, class Sum>
+  [[gnu::always_inline]] void add_beyond(const Node& node, Index one_by_one, bool springs, const Data& ws,
+                                         Room<Lane>& room, Sum& G) const
+  {
+    for (Index i = node.index + 1; i < node.subtree_end;) {
+      const Node& part = ws.tree().node(i);
+      Index carrier = part.parent;  // but for what stands still on it
+      while (carrier != node.index && this->part(carrier).n_i == 0) { carrier = ws.tree().node(carrier).parent; }
+      const bool whole = carrier != node.index && part.subtree_end > i + 1 && i > node.index + one_by_one;
+      add_part(part, whole, springs, ws, room, G);
+      i = whole || this->part(i).is_free ? part.subtree_end : i + 1;
+    }
+  }
+
   /// whole: with what hangs on its frames.
   template <class Lane, class Data, class Sum>
   [[gnu::always_inline]] void add_part(const Node& node, bool whole, bool springs, const Data& ws, Room<Lane>& room,
                                        Sum& G) const
   {
-    const auto at = static_cast<std::size_t>(node.index);
-    const Part& part = parts_[at];
+    const Part& part = this->part(node.index);
     const int n = part.n_i;
     if (part.is_free) {
       for (Lane& x : room.of(node.frame)) { detail::clear<Scalar>(x); }
@@ -261,6 +306,17 @@ private:
       const Scalar* const W = part.W + d;
       qdd[d] = -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
     }
+    add_moved(node, y, whole, springs, ws, room, G);
+  }
+
+  /// Of a subsystem with guidance acceleration y and room.qdd.
+  template <class Lane, class Data, class Sum>
+  [[gnu::always_inline]] void add_moved(const Node& node, const Motions<Lane>& y, bool whole, bool springs,
+                                        const Data& ws, Room<Lane>& room, Sum& G) const
+  {
+    const Part& part = this->part(node.index);
+    const int n = part.n_i;
+    Lane* const qdd = room.qdd.data();
     const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
     add_body<Lane>(ws.tree().inlet_mass(node.index), *part.R, zero, y, G);
     const Scalar* S = part.S;
@@ -284,21 +340,19 @@ private:
       for (int d = 0; d < n; ++d) { rate += qdd[d] * ratio[d]; }
       add_product(rate, Lane(rate * inertia), G);
     };
-    for (std::size_t k = at > 0 ? parts_[at - 1].rotors_end : 0; k < part.rotors_end; ++k) {
-      const RotorPart& rotor = rotors_[k];
+    for_each_rotor(node.index, [&](const RotorPart& rotor, const Scalar* ratio) {
       const bool on_inlet = rotor.frame < 0;
       const Motions<Lane>& carrier = on_inlet ? y : room.of(node.frame + rotor.frame);
       Vector3<Scalar> axis = zero;
       if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
-      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)),
-           ratios_.data() + rotor.ratio);
-    }
+      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratio);
+    });
     if (!springs) { return; }
-    for (std::size_t k = at > 0 ? parts_[at - 1].springs_end : 0; k < part.springs_end; ++k) {
+    for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
       Lane at_rest;
       detail::clear<Scalar>(at_rest);
-      spin(*springs_[k].inertia, at_rest, springs_[k].ratio);
-    }
+      spin(inertia, at_rest, ratio);
+    });
   }
 
   Found found_;

@@ -41,6 +41,7 @@ public:
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
     ws_.begin_use();
+    if constexpr (looks_again<Data>) { ws_.second_look().clear(); }
     ws_.load().setZero();
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
@@ -62,6 +63,7 @@ public:
         FrameState<Scalar>& f = ws_.frame(input.frame);
         Vector6<Scalar> wrench = input_wrench(input, f, 0) * u(column);
         for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
+        if constexpr (looks_again<Data>) { ws_.second_look().note_applied(input.frame, wrench); }
         if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
         if constexpr (Data::update == Update::square_root) {
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
@@ -142,8 +144,11 @@ protected:
   void check_finite()
   {
     if (diagnosis_.status == Status::ok) {
-      if (detail::all_finite(ws_.qdd())) { return; }
-      diagnosis_.fail(Status::not_finite, first_not_finite());
+      if (!detail::all_finite(ws_.qdd())) {
+        diagnosis_.fail(Status::not_finite, first_not_finite());
+      } else if (holds()) {
+        return;
+      }
     }
     ws_.qdd().setConstant(std::numeric_limits<Scalar>::quiet_NaN());
   }
@@ -223,6 +228,19 @@ private:
     return {at.linear + cross(at.angular, Triple<Scalar>::settled(r.data())), at.angular};
   }
 
+  /// Of q̈, where small pivots went into it.
+  bool holds()
+  {
+    if constexpr (looks_again<Data>) {
+      if (ws_.second_look().is_needed() &&
+          !ws_.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, ws_)) [[unlikely]] {
+        diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());
+        return false;
+      }
+    }
+    return true;
+  }
+
   Index first_not_finite() const
   {
     for (const Node& node : ws_.tree().nodes()) {
@@ -297,6 +315,12 @@ public:
       ws.tree().inward_abreast(step);
     } else {
       ws.tree().inward(step);
+    }
+    if constexpr (looks_again<Data>) {
+      if (ws.second_look().is_needed() && diagnosis_.status == Status::ok) [[unlikely]] {
+        const Index wrong = ws.second_look().wrong_pivot(scene.implicit, static_cast<Data&>(ws));
+        if (wrong >= 0) { diagnosis_.fail(Status::not_positive_definite, wrong); }
+      }
     }
   }
 

@@ -197,7 +197,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], f.loss.angular)); }
   }
   Matrix6<Scalar> C_T;
-  if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { diagnosis.fail(Status::not_positive_definite, node.index); }
+  if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { note_small_pivot(node, ws, diagnosis); }
 
   if constexpr (Workspace::update == Update::projected) {
     if constexpr (bodies_first<Scalar>) {

@@ -10,19 +10,18 @@
 
 namespace iim::detail {
 
-/// Of scale, below which a pivot counts as zero: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in float; 160
-/// once in a thousand states).
+/// Of scale, below which a pivot may have too few digits: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in
+/// float; 160 once in a thousand states), and by how much is then looked at (second_look.hpp).
 template <class Scalar>
 Scalar pivot_tolerance()
 {
-  return Scalar(192) * Eigen::NumTraits<Scalar>::epsilon();
+  return Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
 }
 
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).
 ///
-/// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). A pivot below
-/// pivot_tolerance of it counts as zero (and one below zero, where scale itself is a rounding). Returns whether all
-/// pivots are positive; if not, C is not to be used.
+/// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). Returns whether no
+/// pivot is below pivot_tolerance of it (or below zero, where scale itself is a rounding); if not, C may be NaN.
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
                                                    const Eigen::Matrix<Scalar, n, 1>& scale,

@@ -96,7 +96,9 @@ template <class S, class Data>
     const Scalar along = along_loss(&ws.frame(node.frame), state)(0);
     if (!ScalarTraits<Scalar>::is_positive(D - Scalar(1024) * along * along)) { return Scalar(0); }
   }
-  if (!ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale)) { return Scalar(0); }
+  if (!ScalarTraits<Scalar>::is_positive(D - Scalar(4) * Eigen::NumTraits<Scalar>::epsilon() * scale)) {
+    return Scalar(0);
+  }
   // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
   if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * largest_inverse)) { return Scalar(0); }
   for (const SpunRotor<S>& rotor : spun) {
@@ -105,7 +107,9 @@ template <class S, class Data>
   if (springs && is_sprung(state)) { return Scalar(0); }
   const Vector6<Scalar> S_0 = unit_column(state);
   Scalar sum = state.own.D;
-  ws.bodies_beyond().add_up(node, Motions<Scalar>{S_0(0), S_0(1), S_0(2), S_0(3), S_0(4), S_0(5)}, springs, ws, sum);
+  const bool small = !ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale);
+  ws.bodies_beyond().add_up(node, Motions<Scalar>{S_0(0), S_0(1), S_0(2), S_0(3), S_0(4), S_0(5)}, springs, ws, sum,
+                            small ? far : 0);
   return sum;
 }
 

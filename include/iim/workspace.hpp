@@ -7,6 +7,7 @@
 #include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/row_tape.hpp>
+#include <iim/second_look.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -105,6 +106,8 @@ public:
 
   /// Sums over what a subsystem carries (weak_pivot.hpp).
   detail::BodiesBeyond<Scalar>& bodies_beyond() { return bodies_beyond_; }
+  /// At what small pivots leave.
+  detail::SecondLook<Scalar>& second_look() { return second_look_; }
 
   /// How often the workspace has been written: a receipt is good for one of these numbers.
   Index uses() const { return uses_; }
@@ -230,6 +233,7 @@ protected:
   VectorX<Scalar> load_;
   VectorX<Scalar> Bbar_;
   BodiesBeyond<Scalar> bodies_beyond_;
+  SecondLook<Scalar> second_look_;
   Index uses_ = 0;
 };
 
@@ -301,12 +305,13 @@ public:
   /// calls it.
   void find_bodies()
   {
-    if constexpr (update == Update::projected && !detail::bodies_first<Scalar>) {
+    if constexpr (detail::looks_again<Data>) {
       detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
       if (bodies.are_found()) { return; }
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
       bodies.allocate(tree().n_frames());
+      this->second_look_.allocate(tree().size(), tree().n_frames(), tree().n_v());
     }
   }
 
