@@ -207,7 +207,9 @@ template <Scene scene, class S, class Workspace>
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
   Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
-  if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv)) { note_small_pivot(node, ws, diagnosis); }
+  if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv)) [[unlikely]] {
+    note_small_pivot(node, ws, diagnosis);
+  }
   Columns W;
   [[maybe_unused]] Columns S_inverse;
   if constexpr (mends_roots<S, Workspace>()) {
