@@ -329,6 +329,15 @@ TEST_CASE("a type whose coupling point follows the frame has no body on the inle
                     ContainsSubstring("'puck'") && ContainsSubstring("inlet"));
 }
 
+TEST_CASE("a massless body has neither mass nor moments")
+{
+  Careless link;
+  link.body = Body<double>::massless();
+  CHECK_NOTHROW(validate(link.body, "frame"));
+  link.body.inertia(1, 1) = 0.1;
+  CHECK_THROWS_WITH(validate(link.body, "frame"), ContainsSubstring("frame") && ContainsSubstring("moments"));
+}
+
 TEST_CASE("a type's own twist is a unit vector, and motors of a free one push from the world")
 {
   Stretched arm;

@@ -229,6 +229,12 @@ template <class Scalar>
     if (body.mass != Scalar(0)) {
       throw ModelError(owner + ": a massless body was given a mass of " + detail::to_text(body.mass) + " kg");
     }
+    for (Index k = 0; k < 9; ++k) {
+      if (body.inertia(k) != Scalar(0)) {
+        throw ModelError(owner + ": a massless body was given moments of inertia, the rows " +
+                         detail::to_text(body.inertia));
+      }
+    }
     return;
   }
   if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {

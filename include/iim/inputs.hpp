@@ -131,6 +131,7 @@ public:
   /// First column of a block in B̂; −1 while it is inactive.
   Index column(Id id) const
   {
+    assert(0 <= id && id < blocks() && "no such input");
     Index column = 0;
     for (Id k = 0; k < id; ++k) {
       if (block(k).active) { column += block(k).size; }

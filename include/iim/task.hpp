@@ -126,6 +126,7 @@ public:
   /// First row of a block; −1 while it is inactive.
   Index row(Id id) const
   {
+    assert(id >= 0 && id < blocks() && "no such task");
     Index row = 0;
     for (Id k = 0; k < id; ++k) {
       if (block(k).active) { row += block(k).size; }
@@ -135,7 +136,11 @@ public:
 
   /// Where an active block was at the last evaluation: its point in the world, and the axes of its frame (point,
   /// frame).
-  const Placement<Scalar>& placement(Id id) const { return placements_[static_cast<std::size_t>(id)]; }
+  const Placement<Scalar>& placement(Id id) const
+  {
+    assert(id >= 0 && id < blocks() && "no such task");
+    return placements_[static_cast<std::size_t>(id)];
+  }
 
   /// All of (3). `affine`: from the same receipt, by any method.
   template <class Workspace>
