@@ -12,8 +12,9 @@
 //
 //     δq̈ = M⁻¹ (Bu − h − M q̈),        the bracket by the balance of each joint, M⁻¹ by W and C
 //
-// Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; no other
-// state pays for it.
+// Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; other states
+// pay 1 % of the pass at most. (Float, seven links, loads of 10³ to 10⁷ kg, 32000 states: 19509 come back, none off by
+// more than 0.7 %. With a pivot below 192 ε of its scale as zero 16541 did, of which 311 were off by more than 1 %.)
 #pragma once
 
 #include <iim/array.hpp>
