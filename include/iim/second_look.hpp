@@ -20,6 +20,7 @@
 #include <iim/array.hpp>
 #include <iim/bodies_beyond.hpp>
 #include <iim/body.hpp>
+#include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
