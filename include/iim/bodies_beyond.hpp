@@ -131,8 +131,8 @@ template <class Lane, class Scalar, class Sum>
   });
 }
 
-/// How many subsystems count body by body, on whatever they hang.
-inline constexpr Index far = 32;
+/// How many subsystems count body by body, on whatever they hang, where A has no digits left.
+inline constexpr Index most_one_by_one = 32;
 
 /// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
 template <class Scalar>
@@ -254,7 +254,7 @@ public:
     for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
     Scalar G(0);
     add_moved(node, y, false, springs, ws, one_, G);
-    add_beyond(node, far, springs, ws, one_, G);
+    add_beyond(node, most_one_by_one, springs, ws, one_, G);
     return G;
   }
 

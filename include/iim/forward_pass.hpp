@@ -232,8 +232,9 @@ private:
   bool holds()
   {
     if constexpr (looks_again<Data>) {
-      if (ws_.second_look().is_needed() &&
-          !ws_.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, ws_)) [[unlikely]] {
+      if (ws_.second_look().is_needed()) [[unlikely]] {
+        const bool holds = ws_.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, ws_);
+        if (holds && detail::all_finite(ws_.qdd())) { return true; }
         diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());
         return false;
       }

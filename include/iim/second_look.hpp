@@ -1,20 +1,18 @@
 // Results that small pivots went into, looked at again: whether they hold, and q̈ made better.
 //
-// A pivot D with roundings ε·scale (roundings.hpp) is a difference of which no digit may be left; how wrong it is, the
-// scale alone does not tell but within a factor of a hundred. What D, and W of all joints beyond, are wrong by shows in
-// a sum over the bodies that a joint moves, which has no differences (bodies_beyond.hpp):
+// A pivot D with roundings ε·scale (roundings.hpp) is a difference of which no digit may be left. How wrong it is, the
+// scale alone does not tell but within a factor of a hundred; but what the equations of motion leave of the
+// accelerations x that loads τ are said to give, does:
 //
-//     | Σ_b aᵀ I_b a + Σ_r J_r (g_r a)² − 1 |,        a: q̈_i = C e_d, M̄_R⁻¹ = C Cᵀ, and beyond it q̈_j = −W_j y_j
+//     δx = M⁻¹ (τ − M x),        M x by the balance of each joint at the accelerations of all bodies, M⁻¹ by W and C
 //
-// and B̂ is wrong by as much, within a factor of two (seven links under loads, float: all of 10⁴ states). q̈ has the
-// roundings of the forces that hold a load, too. Of these iterative refinement tells, and takes most of them away: what
-// the equations of motion leave at the accelerations of all bodies moves the robot by
+// For loads of ±1 on all velocities δx is what M⁻¹ is wrong by. For h it is an iterative refinement of q̈, which takes
+// away most of the roundings that it has of the forces by which a load is held.
 //
-//     δq̈ = M⁻¹ (Bu − h − M q̈),        the bracket by the balance of each joint, M⁻¹ by W and C
-//
-// Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; other states
-// pay 1 % of the pass at most. (Float, seven links, loads of 10³ to 10⁷ kg, 32000 states: 19509 come back, none off by
-// more than 0.7 %. With a pivot below 192 ε of its scale as zero 16541 did, of which 311 were off by more than 1 %.)
+// Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; other
+// states pay 1 % of the pass at most. (Float, seven links, loads of 10³ to 10⁷ kg, 32000 states: XXXXX come back, none
+// off by more than 0.7 %. With a pivot below 192 ε of its scale as zero 16541 did, of which 311 were off by more than 1
+// %.)
 #pragma once
 
 #include <iim/array.hpp>
@@ -55,17 +53,21 @@ public:
   {
     const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
     small_.reserve(at(subsystems));
-    applied_.reserve(at(frames));
-    forces_.resize(at(frames), {zero, zero});
-    moves_.resize(at(frames), {zero, zero});
-    scaled_.resize(at(velocities), Scalar(0));
-    change_.setZero(velocities);
+    touched_.reserve(at(frames));
+    is_touched_.resize(at(frames), false);
+    for (Array<Pair>* const of_frames : {&applied_, &forces_, &accelerations_, &moves_}) {
+      of_frames->resize(at(frames), {zero, zero});
+    }
+    for (Array<Scalar>* const of_velocities : {&load_, &qdd_, &change_, &scaled_}) {
+      of_velocities->resize(at(velocities), Scalar(0));
+    }
   }
   /// Before a pass.
   void clear()
   {
     small_.clear();
-    applied_.clear();
+    for (const Index frame : touched_) { is_touched_[at(frame)] = false; }
+    touched_.clear();
   }
   bool is_needed() const { return !small_.empty(); }
 
@@ -73,26 +75,30 @@ public:
   /// wrench: about the frame's coupling point, world axes.
   void note_applied(Index frame, const Vector6<Scalar>& wrench)
   {
-    for (Applied& other : applied_) {
-      if (other.frame == frame) {
-        other.wrench += wrench;
-        return;
-      }
+    if (is_touched_[at(frame)]) {
+      applied_[at(frame)] += Pair(wrench.data());
+    } else {
+      applied_[at(frame)] = Pair(wrench.data());
+      is_touched_[at(frame)] = true;
+      touched_.push_back(frame);
     }
-    applied_.push_back({frame, wrench});
   }
 
-  /// After the inward loop. The subsystem whose M̄_R is not right; −1 if all are.
+  /// After the inward loop. A subsystem whose M̄_R is not right; −1 if all are.
   template <class Data>
   [[gnu::cold, gnu::noinline]] Index wrong_pivot(bool springs, Data& ws)
   {
-    const Scalar enough = Scalar(1) / Scalar(320);
-    for (const Index i : small_) {
-      for (int d = 0; d < ws.bodies_beyond().part(i).n_i; ++d) {
-        if (!is_below(Scalar(ws.bodies_beyond().unit_of(ws.tree().node(i), d, springs, ws) - Scalar(1)), enough)) {
-          return i;
-        }
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    for (const std::size_t period : {1, 2}) {
+      for (std::size_t v = 0; v < load_.size(); ++v) {
+        load_[v] = Scalar(v / period % 2 == 0 ? 1 : -1);
+        qdd_[v] = Scalar(0);
       }
+      for (Pair& acceleration : accelerations_) { acceleration = {zero, zero}; }
+      change<false>(false, springs, false, ws);
+      add_change();
+      change<false>(false, springs, false, ws);
+      if (!is_small(192)) { return worst(springs, ws); }
     }
     return -1;
   }
@@ -102,21 +108,18 @@ public:
   template <bool velocity, class Data>
   [[gnu::cold, gnu::noinline]] bool refine(bool gravity, bool springs, Data& ws)
   {
-    for (const int smaller : {16, 256}) {
-      change<velocity>(gravity, springs, ws);
-      Scalar change(0), all = Scalar(smaller * smaller) * unseen_;
-      for (Index v = 0; v < change_.size(); ++v) {
-        change += change_(v) * change_(v);
-        all += ws.qdd()(v) * ws.qdd()(v);
-        ws.qdd()(v) += change_(v);
-      }
-      for (Index f = 0; f < ws.tree().n_frames(); ++f) {
-        Pair Vdot(ws.frame(f).Vdot.data());
-        Vdot += moves_[at(f)];
-        Vdot.put(ws.frame(f).Vdot.data());
-      }
-      if (!is_below(change, Scalar(all / Scalar(smaller * smaller))) && !(change == Scalar(0))) { return false; }
+    for (std::size_t v = 0; v < load_.size(); ++v) {
+      load_[v] = ws.load()(static_cast<Index>(v));
+      qdd_[v] = ws.qdd()(static_cast<Index>(v));
     }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) { accelerations_[at(f)] = Pair(ws.frame(f).Vdot.data()); }
+    for (const int smaller : {16, 256}) {
+      change<velocity>(gravity, springs, true, ws);
+      if (!is_small(smaller)) { return false; }
+      add_change();
+    }
+    for (std::size_t v = 0; v < qdd_.size(); ++v) { ws.qdd()(static_cast<Index>(v)) = qdd_[v]; }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) { accelerations_[at(f)].put(ws.frame(f).Vdot.data()); }
     return true;
   }
 
@@ -124,26 +127,59 @@ public:
   Index first() const { return small_.front(); }
 
 private:
-  struct Applied {
-    Index frame;
-    Vector6<Scalar> wrench;
-  };
+  /// The first subsystem whose sum over what it moves is far from M̄_R; else the first of the small pivots.
+  template <class Data>
+  Index worst(bool springs, Data& ws)
+  {
+    for (const Index i : small_) {
+      for (int d = 0; d < ws.bodies_beyond().part(i).n_i; ++d) {
+        const Scalar off = ws.bodies_beyond().unit_of(ws.tree().node(i), d, springs, ws) - Scalar(1);
+        if (!is_below(off, Scalar(1.0 / 64))) { return i; }
+      }
+    }
+    return first();
+  }
 
-  /// δq̈, and δV̇ as moves_.
+  /// Of the motion qdd_, accelerations_ under load_: δq̈, and δV̇ as moves_.
   template <bool velocity, class Data>
-  void change(bool gravity, bool springs, Data& ws)
+  void change(bool gravity, bool springs, bool applied, Data& ws)
   {
     const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       const FrameState<Scalar>& frame = ws.frame(f);
-      forces_[at(f)] = body_wrench<velocity>(ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega),
-                                             Pair(frame.Vdot.data()));
+      forces_[at(f)] =
+          body_wrench<velocity>(ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega), accelerations_[at(f)]);
       moves_[at(f)] = {zero, zero};
     }
     unseen_ = Scalar(0);
-    for (const Applied& applied : applied_) { forces_[at(applied.frame)] -= Pair(applied.wrench.data()); }
+    if (applied) {
+      for (const Index frame : touched_) { forces_[at(frame)] -= applied_[at(frame)]; }
+    }
     for (Index i = ws.tree().size(); i-- > 0;) { balance<velocity>(ws.tree().node(i), gravity, springs, ws); }
     for (const Node& node : ws.tree().nodes()) { follow(node, ws); }
+  }
+  void add_change()
+  {
+    for (std::size_t v = 0; v < qdd_.size(); ++v) { qdd_[v] += change_[v]; }
+    for (std::size_t f = 0; f < moves_.size(); ++f) { accelerations_[f] += moves_[f]; }
+  }
+  /// Whether δq̈ is less than q̈ / smaller, or than what the roundings of W y alone make.
+  bool is_small(int smaller) const
+  {
+    Scalar all = unseen_;
+    for (const Scalar& x : qdd_) { all = larger(all, Scalar(magnitude(x) / Scalar(smaller))); }
+    for (const Scalar& x : change_) {
+      if (!is_below(x, all) && !(is_finite(x) && x == Scalar(0))) { return false; }
+    }
+    return true;
+  }
+  static Scalar magnitude(const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x); }
+  static Scalar larger(const Scalar& a, const Scalar& b) { return ScalarTraits<Scalar>::is_positive(b - a) ? b : a; }
+  static Scalar largest(const Pair& x)
+  {
+    Scalar all(0);
+    for (int i = 0; i < 6; ++i) { all = larger(all, magnitude(x(i))); }
+    return all;
   }
 
   /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
@@ -157,7 +193,7 @@ private:
     Pair y(zero, zero), to_inlet(zero, zero), wrench_to_inlet(zero, zero);
     Triple<Scalar> omega = zero;  // of the inlet
     if (node.inlet >= 0) {
-      y = shifted(*part.r, Pair(ws.frame(node.inlet).Vdot.data()));
+      y = shifted(*part.r, accelerations_[at(node.inlet)]);
       if constexpr (velocity) {
         omega = triple(ws.frame(node.inlet).omega);
         y.linear += cross(omega, cross(omega, triple(*part.r)));
@@ -172,8 +208,8 @@ private:
       return rate;
     };
     Scalar* const h = change_.data() + node.v;
-    const Scalar* const qdd = ws.qdd().data() + node.v;
-    for (int d = 0; d < n; ++d) { h[d] = ws.load()(node.v + d); }
+    const Scalar* const qdd = qdd_.data() + node.v;
+    for (int d = 0; d < n; ++d) { h[d] = load_[at(node.v + d)]; }
     const auto resist = [&](const Scalar& force, const Scalar* ratio) {
       for (int d = 0; d < n; ++d) { h[d] -= ratio[d] * force; }
     };
@@ -183,7 +219,7 @@ private:
       const FrameState<Scalar>& f = ws.frame(frame);
       Triple<Scalar> axis = zero;
       if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
-      const Triple<Scalar> turning = on_inlet ? y.angular : triple(angular(f.Vdot));
+      const Triple<Scalar> turning = on_inlet ? y.angular : accelerations_[at(frame)].angular;
       const Scalar force = rotor.inertia * (dot(axis, turning) + rate_of(ratio, qdd));
       resist(force, ratio);
       Triple<Scalar> moment = axis * force;
@@ -216,7 +252,7 @@ private:
     const Scalar roundings = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
     for (int d = 0; d < n; ++d) {
       const Pair W = gain(part, d);
-      unseen_ += roundings * roundings * dot(W, W) * dot(y, y);
+      unseen_ = larger(unseen_, Scalar(roundings * largest(W) * largest(y)));
       wrench_to_inlet += W * h[d];
       h[d] = Scalar(0);
       for (int e = 0; e < n; ++e) { h[d] += part.C[e * n + d] * scaled[e]; }
@@ -284,12 +320,12 @@ private:
 
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  Array<Index> small_;  // subsystems
-  Array<Applied> applied_;
-  Array<Pair> forces_, moves_;  // of frames
-  Array<Scalar> scaled_;
-  Scalar unseen_ = Scalar(0);  // the square of what q̈ may be from roundings of W y alone, as in an arm that hangs still
-  VectorX<Scalar> change_;
+  Array<Index> small_;    // subsystems
+  Array<Index> touched_;  // frames that something is applied to
+  Array<bool> is_touched_;
+  Array<Pair> applied_, forces_, accelerations_, moves_;  // of frames
+  Array<Scalar> load_, qdd_, change_, scaled_;
+  Scalar unseen_ = Scalar(0);  // what q̈ may be from roundings of W y alone, as in an arm that hangs still
 };
 
 }  // namespace iim::detail

@@ -294,9 +294,9 @@ private:
       for (int k = 0; k < 9; ++k) { same = same && abs(own.R.data()[k] - other.R.data()[k][0]) <= roundings; }
       for (int k = 0; k < 3; ++k) { same = same && abs(own.p(k) - other.p(k)[0]) <= roundings * length; }
       const Index end = node.index + 1 < tree().size() ? tree().node(node.index + 1).frame : tree().n_frames();
-      same = same && bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index));
+      same = same && bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index), length);
       for (Index f = node.frame; f < end; ++f) {
-        same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f));
+        same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f), length);
       }
       if (!same) {
         throw ModelError("subsystem '" + tree().name(node.index) +
@@ -305,17 +305,16 @@ private:
     }
   }
 
-  static bool bodies_agree(const FrameMass<Scalar>& a, const FrameMass<Pack>& b)
+  static bool bodies_agree(const FrameMass<Scalar>& a, const FrameMass<Pack>& b, const Scalar& length)
   {
     using std::abs;
     const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
     const auto agree = [&](const Scalar& x, const Pack& y, const Scalar& size) {
       return x == y[0] || abs(x - y[0]) <= roundings * size;
     };
+    const Scalar moment = std::max(Scalar(a.first_moment.cwiseAbs().maxCoeff()), Scalar(a.mass * length));
     bool same = a.present == b.present && agree(a.mass, b.mass, abs(a.mass));
-    for (int k = 0; k < 3; ++k) {
-      same = same && agree(a.first_moment(k), b.first_moment(k), a.first_moment.cwiseAbs().maxCoeff());
-    }
+    for (int k = 0; k < 3; ++k) { same = same && agree(a.first_moment(k), b.first_moment(k), moment); }
     for (int k = 0; k < 9; ++k) {
       same = same && agree(a.inertia.data()[k], b.inertia.data()[k], a.inertia.cwiseAbs().maxCoeff());
     }

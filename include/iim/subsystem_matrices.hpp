@@ -107,8 +107,8 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
 
 }  // namespace detail
 
-/// Subsystem `i` of the tree at the state of the receipt `fd`. Allocates, and throws ModelError if the workspace has been
-/// used since; not for the cycle.
+/// Subsystem `i` of the tree at the state of the receipt `fd`. Allocates; not for the cycle. A workspace that has been
+/// used since is an assertion or, where these are off, a ModelError.
 template <class Workspace>
 SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDynamics<Workspace>& fd, Index i)
 {

@@ -142,7 +142,12 @@ protected:
               check_unit(part.name, "own_twist", s.own_twist());
             }
             if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
-              if (part.parent >= 0) {
+              Index carrier = part.parent;
+              while (carrier >= 0 && nodes_[static_cast<std::size_t>(carrier)].v_end ==
+                                         nodes_[static_cast<std::size_t>(carrier)].v) {  // stands still on the next
+                carrier = nodes_[static_cast<std::size_t>(carrier)].parent;
+              }
+              if (carrier >= 0) {
                 throw ModelError("subsystem '" + part.name + "': a free one with motors or internal forces on '" +
                                  names_[static_cast<std::size_t>(part.parent)] + "' instead of the world");
               }

@@ -109,7 +109,7 @@ template <class S, class Data>
   Scalar sum = state.own.D;
   const bool small = !ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale);
   ws.bodies_beyond().add_up(node, Motions<Scalar>{S_0(0), S_0(1), S_0(2), S_0(3), S_0(4), S_0(5)}, springs, ws, sum,
-                            small ? far : 0);
+                            small ? most_one_by_one : 0);
   return sum;
 }
 
