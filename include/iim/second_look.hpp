@@ -10,9 +10,9 @@
 // away most of the roundings that it has of the forces by which a load is held.
 //
 // Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; other
-// states pay 1 % of the pass at most. (Float, seven links, loads of 10³ to 10⁷ kg, 32000 states: XXXXX come back, none
-// off by more than 0.7 %. With a pivot below 192 ε of its scale as zero 16541 did, of which 311 were off by more than 1
-// %.)
+// states pay 1 % of the pass at most. (Float, seven links, loads of 10³ to 10⁷ kg, 32000 states: 20444 come back, none
+// off by more than 0.6 %. With a pivot below 192 ε of its scale as zero 16541 did, of which 311 were off by more than
+// 1 %.)
 #pragma once
 
 #include <iim/array.hpp>
