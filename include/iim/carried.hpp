@@ -7,7 +7,6 @@
 #include <iim/kinematics.hpp>
 #include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
-#include <iim/second_look.hpp>
 #include <iim/spatial.hpp>
 
 namespace iim::detail {
@@ -110,17 +109,6 @@ template <Scene scene, class S>
   if constexpr (has_bias<scene, S>(0)) { p += A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
   if constexpr (has_bias<scene, S>(3)) { p += A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
   return p;
-}
-
-/// Of a pivot below pivot_tolerance.
-template <class Data>
-[[gnu::cold, gnu::noinline]] void note_small_pivot(const Node& node, Data& ws, Diagnosis& diagnosis)
-{
-  if constexpr (looks_again<Data>) {
-    ws.second_look().note_small_pivot(node.index);
-  } else {
-    diagnosis.fail(Status::not_positive_definite, node.index);
-  }
 }
 
 }  // namespace iim::detail

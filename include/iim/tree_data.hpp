@@ -143,9 +143,8 @@ protected:
             }
             if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
               Index carrier = part.parent;
-              while (carrier >= 0 && nodes_[static_cast<std::size_t>(carrier)].v_end ==
-                                         nodes_[static_cast<std::size_t>(carrier)].v) {  // stands still on the next
-                carrier = nodes_[static_cast<std::size_t>(carrier)].parent;
+              while (carrier >= 0 && node(carrier).v_end == node(carrier).v) {  // stands still on the next
+                carrier = node(carrier).parent;
               }
               if (carrier >= 0) {
                 throw ModelError("subsystem '" + part.name + "': a free one with motors or internal forces on '" +

@@ -35,6 +35,7 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/roundings.hpp>
+#include <iim/second_look.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
@@ -79,6 +80,17 @@ Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
     column(i) = (i < 3 ? S::pattern.linear : S::pattern.angular) ? state.S_k[0](i, 0) : Scalar(0);
   }
   return column;
+}
+
+/// Of a pivot below pivot_tolerance.
+template <class Data>
+[[gnu::cold, gnu::noinline]] void note_small_pivot(const Node& node, Data& ws, Diagnosis& diagnosis)
+{
+  if constexpr (looks_again<Data>) {
+    ws.second_look().note_small_pivot(node.index);
+  } else {
+    diagnosis.fail(Status::not_positive_definite, node.index);
+  }
 }
 
 /// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: on the
