@@ -8,6 +8,7 @@
 
 #include <iim/array.hpp>
 #include <iim/body.hpp>
+#include <iim/composite_body.hpp>
 #include <iim/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
@@ -29,56 +30,6 @@ template <class Scalar, int n>
   for (int i = 0; i < 6; ++i) { c(i) = m(i, d); }
   return c;
 }
-
-/// Mass, first moment and rotational inertia about one point: of one frame with all that it carries.
-template <class Scalar>
-struct Composite {
-  Scalar mass;
-  Vector3<Scalar> first_moment;  ///< from the point
-  Symmetric3<Scalar> inertia;    ///< about the point
-
-  void set_zero()
-  {
-    mass = Scalar(0);
-    first_moment.setZero();
-    inertia.at.fill(Scalar(0));
-  }
-
-  /// Adds what `other` is, given about the point r away, about this point.
-  void add_shifted(const Composite& other, const Vector3<Scalar>& r)
-  {
-    Vector3<Scalar> s;
-    for (int i = 0; i < 3; ++i) { s(i) = other.first_moment(i) + other.mass * r(i) / Scalar(2); }
-    const Scalar trace = Scalar(2) * (r(0) * s(0) + r(1) * s(1) + r(2) * s(2));
-    for (int j = 0; j < 3; ++j) {
-      for (int i = 0; i <= j; ++i) { inertia(i, j) += other.inertia(i, j) - (r(i) * s(j) + s(i) * r(j)); }
-      inertia(j, j) += trace;
-    }
-    for (int i = 0; i < 3; ++i) { first_moment(i) += other.first_moment(i) + other.mass * r(i); }
-    mass += other.mass;
-  }
-
-  /// Adds J a aᵀ: what the axial inertia of a rotor is to its carrier.
-  void add_rotor(const Scalar& J, const Vector3<Scalar>& a)
-  {
-    for (int j = 0; j < 3; ++j) {
-      for (int i = 0; i <= j; ++i) { inertia(i, j) += J * a(i) * a(j); }
-    }
-  }
-
-  /// Momentum about the point of a twist at the point.
-  Vector6<Scalar> momentum(const Vector3<Scalar>& v, const Vector3<Scalar>& w) const
-  {
-    const Vector3<Scalar> turning = cross(w, first_moment);
-    const Vector3<Scalar> moving = cross(first_moment, v);
-    Vector6<Scalar> p;
-    for (int i = 0; i < 3; ++i) {
-      p(i) = mass * v(i) + turning(i);
-      p(i + 3) = moving(i) + (inertia(i, 0) * w(0) + inertia(i, 1) * w(1) + inertia(i, 2) * w(2));
-    }
-    return p;
-  }
-};
 
 /// A_G, Ȧ_G q̇ and the centre of mass, in two passes over the tree. Lengths are taken from the first root's coupling
 /// point, not from the world's origin, so that the robot's place in the world does not matter.
@@ -118,7 +69,7 @@ public:
 private:
   /// What is known of a frame; lengths from the reference, moments about the frame's coupling point.
   struct At {
-    Composite<Scalar> carried;
+    CompositeBody<Scalar> carried;
     Vector3<Scalar> origin;  ///< coupling point
     Vector3<Scalar> omega;
     Vector6<Scalar> a;  ///< acceleration at the coupling point for q̈ = 0
@@ -175,10 +126,10 @@ private:
     Vector3<Scalar> x = r;
     add(x, times(R, body.com));
     const Symmetric3<Scalar> Theta = Symmetric3<Scalar>::turned(R, body.central_inertia);
-    Composite<Scalar> central;
+    CompositeBody<Scalar> central;
     central.mass = body.mass;
-    central.first_moment.setZero();
-    central.inertia = Theta;
+    central.mc.setZero();
+    central.Theta = Theta;
     frame.carried.add_shifted(central, x);
     for (int i = 0; i < 3; ++i) { first_moment_(i) += body.mass * (frame.origin(i) + x(i)); }
 
@@ -206,11 +157,11 @@ private:
     std::array<Vector6<Scalar>, S::n_i> p;
     for (Vector6<Scalar>& p_d : p) { p_d.setZero(); }
     for (int k = 0; k < S::n_frames; ++k) {
-      const Composite<Scalar>& carried = at(node.frame + k).carried;
+      const CompositeBody<Scalar>& carried = at(node.frame + k).carried;
       const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
       for (int d = 0; d < S::n_i; ++d) {
         const Vector6<Scalar> twist = column(S_k, d);
-        add(p[static_cast<std::size_t>(d)], carried.momentum(linear(twist), angular(twist)));
+        add(p[static_cast<std::size_t>(d)], carried.template times<true, true>(linear(twist), angular(twist)));
       }
       at(node.inlet).carried.add_shifted(carried, from_inlet(node, state));
     }
