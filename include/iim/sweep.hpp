@@ -30,9 +30,9 @@ class SweepSteps : protected SweepColumns<Scalar, width> {
 protected:
   using Columns = SweepColumns<Scalar, width>;
   using Columns::acted, Columns::at_rest, Columns::by_child, Columns::by_input, Columns::carried;
-  using Columns::add, Columns::at, Columns::clear, Columns::copy, Columns::zero;
-  using Columns::along_, Columns::applied_, Columns::buffers_, Columns::loads_, Columns::moving_, Columns::reach_,
-      Columns::rows_, Columns::shared_, Columns::shares_;
+  using Columns::add, Columns::applied, Columns::at, Columns::clear, Columns::copy, Columns::zero;
+  using Columns::along_, Columns::buffers_, Columns::loads_, Columns::moving_, Columns::reach_, Columns::rows_,
+      Columns::shared_, Columns::shares_;
   using Columns::Columns;
   using typename Columns::Lane, typename Columns::Reach, typename Columns::Six;
 
@@ -42,9 +42,9 @@ protected:
     char& load = loads_[at(frame)];
     if ((load & by_child) != 0) {
       copy(moving_[at(buffers_[frame])], p);
-      if ((load & by_input) != 0) { add(applied_[at(frame)], p); }
+      if ((load & by_input) != 0) { add(applied(frame), p); }
     } else if (load != 0) {
-      copy(applied_[at(frame)], p);
+      copy(applied(frame), p);
     } else {
       clear(p);
     }
@@ -123,7 +123,7 @@ protected:
     }
     move_wrench(state.r, p);
     if (axis != nullptr) [[unlikely]] {
-      copy(p, applied_[at(node.frame)]);
+      copy(p, applied(node.frame));
       return;
     }
     Six& inlet = moving_[at(buffers_[node.inlet])];
@@ -157,7 +157,7 @@ protected:
     if (guided) {
       if (axis != nullptr) [[unlikely]] {
         if (reach_[at(node.parent)] == acted) {
-          copy(applied_[at(node.frame)], y);
+          copy(applied(node.frame), y);
           slip = along_[at(node.frame)] * axis->slip;
           undone = along_[at(node.frame)] - slip;
         } else {
@@ -196,7 +196,7 @@ protected:
     if constexpr (is_free<S>() && Workspace::update == Update::square_root) {
       Six& motion = moving_[at(buffers_[node.frame])];
       if (reach == acted) {
-        copy(applied_[at(node.frame)], motion);
+        copy(applied(node.frame), motion);
       } else {
         clear(motion);
         along_[at(node.frame)] = zero();
@@ -224,14 +224,14 @@ protected:
   }
 
   /// A free frame in matrix form, under the wrench p and forces on its velocities (`others`: if there are any) and what
-  /// has come from the axis' child (applied_ and along_ of its frame): leaves q̈ in rows_, and for the child how the
+  /// has come from the axis' child (`applied` and along_ of its frame): leaves q̈ in rows_, and for the child how the
   /// frame moves, apart from S (free_inward.hpp).
   template <class S>
   void move_along_axis(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state, const Six& p,
                        bool others)
   {
     const Index child = this->tree_->node(axis.child).frame;
-    Six& limb = applied_[at(child)];
+    Six& limb = applied(child);
     Lane& along = along_[at(child)];
     if (reach_[at(axis.child)] != acted) {
       clear(limb);
@@ -262,7 +262,7 @@ protected:
     along = e * axis.last;
   }
 
-  /// A free frame under the wrench p and along_: leaves its motion in applied_ and along_, and q̈ in rows_
+  /// A free frame under the wrench p and along_: leaves its motion in `applied` and along_, and q̈ in rows_
   /// (free_root.hpp).
   template <class S>
   void move_free(const RootInertia<Scalar>& inertia, const Node& node, const NodeMemory<S>& state, Six& p)
@@ -286,7 +286,7 @@ protected:
       for (int c = 0; c < 6; ++c) { motion[at(c)] += e * G[at(c)](k); }
       rate += e * G[free_rate](k);
     }
-    applied_[at(node.frame)] = motion;
+    applied(node.frame) = motion;
     along = rate;
     if (inertia.keeps_v) {
       for (int c = 0; c < 6; ++c) { motion[at(c)] += rate * inertia.S(c); }
@@ -310,6 +310,7 @@ public:
   [[gnu::cold]] Sweep(const Tree& tree, const Inputs<Tree>& inputs) : Steps(tree, inputs)
   {
     tree.outward([&]<class S>(const Node&, const S&) { this->own_.push_back({S::n_i, is_free<S>()}); });
+    this->find_places();
   }
 
   /// Writes all active columns (n_v × inputs.columns()). The workspace holds the O(n) pass of the state.

@@ -26,11 +26,10 @@ class SweepColumns {
 protected:
   [[gnu::cold]] SweepColumns(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
       : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
-        applied_(static_cast<std::size_t>(tree.n_frames())), loads_(applied_.size(), 0),
-        along_(applied_.size(), zero()), rows_(static_cast<std::size_t>(tree.n_v())),
-        reach_(static_cast<std::size_t>(tree.size()), at_rest), unit_rows_(tree)
+        place_(static_cast<std::size_t>(tree.n_frames()), -1), loads_(place_.size(), 0), along_(place_.size(), zero()),
+        rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest),
+        unit_rows_(tree)
   {
-    for (Six& six : applied_) { six.fill(zero()); }
     for (Lane& row : rows_) { row = zero(); }
     if (unit_rows_.are_needed()) { shares_.resize(rows_.size(), zero()); }
   }
@@ -89,6 +88,29 @@ protected:
     }
   }
 
+  /// Once own_ is complete: room for the frames that `applied` is asked for.
+  [[gnu::cold]] void find_places()
+  {
+    const auto add = [&](Index frame) {
+      int& place = place_[at(frame)];
+      if (place < 0) { place = applied_count_++; }
+    };
+    for (const Node& node : tree_->nodes()) {
+      if (own_[at(node.index)].free || (node.parent >= 0 && own_[at(node.parent)].free)) { add(node.frame); }
+    }
+    for (Index id = 0; id < sorted_.inputs().blocks(); ++id) {
+      const Input<Scalar>& input = sorted_.inputs().block(id);
+      if (input.kind != InputKind::motor) { add(input.frame); }
+    }
+    applied_.resize(at(applied_count_));
+    for (Six& six : applied_) { six.fill(zero()); }
+  }
+  Six& applied(Index frame)
+  {
+    assert(place_[at(frame)] >= 0);
+    return applied_[at(place_[at(frame)])];
+  }
+
   /// All columns; loops: inward and outward for those that are in the lanes.
   template <class Workspace, class Matrix, class Loops>
   bool compute(const Workspace& ws, Matrix& Bhat, Loops&& loops)
@@ -143,7 +165,7 @@ protected:
       }
       if (own_[at(input.subsystem)].free) {
         const Index frame = tree_->node(input.subsystem).frame;
-        if (loads_[at(frame)] == 0) { applied_[at(frame)].fill(zero()); }
+        if (loads_[at(frame)] == 0) { applied(frame).fill(zero()); }
         loads_[at(frame)] = by_input;
       }
     } else {
@@ -151,10 +173,10 @@ protected:
       if constexpr (Workspace::update == Update::square_root) {
         if (ws.is_heavy(input.frame)) { share(ws, input, w, lane); }
       }
-      Six& applied = applied_[at(input.frame)];
-      if (loads_[at(input.frame)] == 0) { applied.fill(zero()); }
+      Six& wrench = applied(input.frame);
+      if (loads_[at(input.frame)] == 0) { wrench.fill(zero()); }
       loads_[at(input.frame)] = by_input;
-      for (int c = 0; c < 6; ++c) { entry(applied[at(c)], lane) = w(c); }
+      for (int c = 0; c < 6; ++c) { entry(wrench[at(c)], lane) = w(c); }
       if constexpr (Workspace::update == Update::square_root) {
         const RootInertia<Scalar>& f = ws.root(input.frame);
         for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(input.frame)], lane) += f.S(c) * w(c); }
@@ -222,8 +244,10 @@ protected:
   FrameBuffers buffers_;
   Array<Six> moving_;
   // To a frame by inputs; of a free one in square-root form its motion, till the outward loop. In matrix form of a
-  // FreeAxis' child what it hands to the free frame, then how that moves apart from S.
+  // FreeAxis' child what it hands to the free frame, then how that moves apart from S. Of other frames there is none.
   Array<Six> applied_;
+  Array<int> place_;  // of a frame
+  int applied_count_ = 0;
   Array<char> loads_;  // of a frame, of type Load
   Array<Lane> along_;  // in square-root form, and of a FreeAxis' child: inward Sᵀ p, outward q̈ along S
   Array<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
