@@ -311,7 +311,7 @@ public:
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
       bodies.allocate(tree().n_frames());
-      this->second_look_.allocate(tree().size(), tree().n_frames(), tree().n_v());
+      this->second_look_.allocate(tree());
     }
   }
 
