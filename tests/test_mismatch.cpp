@@ -125,6 +125,22 @@ TEST_CASE("a receipt of another robot, or from before the workspace's last use")
   CHECK(is_mismatch(forward_dynamics(b.state.q, b.state.qd, a.inputs, b.state.u, b.ws)));
 }
 
+TEST_CASE("a receipt from before the workspace was assigned, or moved from")
+{
+  Robot a{Tree(robot(1))};
+  Workspace<Tree> other(a.tree);
+  ImplicitInversion method(a.tree, a.inputs);
+  const auto receipt = a.pass();
+  static_cast<void>(forward_dynamics(a.state.q, a.state.qd, other));
+  CHECK(other.uses() == a.ws.uses());
+  a.ws = other;
+  CHECK(is_mismatch(method(receipt)));
+  const auto of_other = forward_dynamics(a.state.q, a.state.qd, other);
+  a.ws = std::move(other);
+  CHECK(is_mismatch(method(of_other)));
+  CHECK(method(a.pass()).ok());
+}
+
 TEST_CASE("a receipt of another Scene, for a method that computes terms of it")
 {
   Robot a{Tree(robot(1))};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/array.hpp>
+#include <iim/change_count.hpp>
 #include <iim/errors.hpp>
 #include <iim/node_state.hpp>
 #include <iim/spatial.hpp>
@@ -46,27 +47,6 @@ struct Input {
 
 /// What inputs begin with: all motors of the tree, in the order of its subsystems, or nothing.
 enum class Start { all_motors, empty };
-
-namespace detail {
-
-/// Differs after every change of what it is a member of, assignment of the whole among them.
-class ChangeCount {
-public:
-  ChangeCount() = default;
-  ChangeCount(const ChangeCount&) = default;
-  ChangeCount& operator=(const ChangeCount&)
-  {
-    ++*this;
-    return *this;
-  }
-  void operator++() { ++count_; }
-  operator Index() const { return count_; }
-
-private:
-  Index count_ = 0;
-};
-
-}  // namespace detail
 
 namespace detail {
 

@@ -3,6 +3,7 @@
 
 #include <iim/array.hpp>
 #include <iim/bodies_beyond.hpp>
+#include <iim/change_count.hpp>
 #include <iim/heavy_frames.hpp>
 #include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
@@ -234,7 +235,7 @@ protected:
   VectorX<Scalar> Bbar_;
   BodiesBeyond<Scalar> bodies_beyond_;
   SecondLook<Scalar> second_look_;
-  Index uses_ = 0;
+  ChangeCount uses_;
 };
 
 }  // namespace detail
