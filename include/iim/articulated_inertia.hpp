@@ -9,6 +9,9 @@
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 
+#include <array>
+#include <cstddef>
+
 namespace iim::detail {
 
 /// U, W: a column of six numbers (of Wᵀ) for each velocity.

@@ -22,7 +22,6 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
-#include <array>
 #include <cassert>
 #include <cstddef>
 #include <limits>

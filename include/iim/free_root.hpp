@@ -27,8 +27,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 namespace iim::detail {
 

@@ -8,6 +8,7 @@
 #include <iim/triple.hpp>
 
 #include <array>
+#include <cstddef>
 
 namespace iim {
 

@@ -15,6 +15,7 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 

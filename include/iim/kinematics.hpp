@@ -9,6 +9,8 @@
 #include <iim/workspace.hpp>
 
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <utility>
 
 namespace iim {

@@ -21,10 +21,7 @@
 
 #include <Eigen/Core>
 
-#include <array>
 #include <limits>
-#include <type_traits>
-#include <utility>
 
 namespace iim {
 

@@ -27,9 +27,9 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <cstddef>
 #include <numeric>
 #include <type_traits>
-#include <vector>
 
 namespace iim::detail {
 

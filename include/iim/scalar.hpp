@@ -10,7 +10,6 @@
 
 #include <bit>
 #include <cmath>
-#include <concepts>
 #include <cstdint>
 
 namespace iim {

@@ -5,8 +5,8 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace iim::detail {
 

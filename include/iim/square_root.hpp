@@ -40,11 +40,9 @@
 #include <iim/subsystem.hpp>
 #include <iim/triple.hpp>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <utility>
 
 namespace iim::detail {
 

@@ -19,6 +19,7 @@
 #include <concepts>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 namespace iim {
 

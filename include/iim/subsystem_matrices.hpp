@@ -5,8 +5,8 @@
 #include <iim/internal_inertia.hpp>
 #include <iim/receipt.hpp>
 
-#include <array>
 #include <cassert>
+#include <cstddef>
 #include <vector>
 
 namespace iim {

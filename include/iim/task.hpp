@@ -23,6 +23,7 @@
 
 #include <array>
 #include <cassert>
+#include <cstddef>
 #include <limits>
 #include <string>
 #include <type_traits>

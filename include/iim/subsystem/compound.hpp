@@ -8,6 +8,7 @@
 #include <iim/subsystem/relative_motion.hpp>
 
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <tuple>

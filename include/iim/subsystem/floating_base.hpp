@@ -5,7 +5,6 @@
 #include <iim/subsystem.hpp>
 
 #include <array>
-#include <cmath>
 #include <string>
 
 namespace iim {

@@ -5,6 +5,7 @@
 #include <iim/subsystem/loop.hpp>
 
 #include <array>
+#include <cmath>
 #include <string>
 
 namespace iim {

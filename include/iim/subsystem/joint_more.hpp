@@ -9,6 +9,7 @@
 #include <iim/subsystem/rigid_link.hpp>
 #include <iim/turns.hpp>
 
+#include <cmath>
 #include <string>
 
 namespace iim {

@@ -6,6 +6,8 @@
 #include <iim/subsystem/motor_arm.hpp>
 
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <string>
 
 namespace iim {

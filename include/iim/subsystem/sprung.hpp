@@ -6,6 +6,7 @@
 #include <iim/subsystem/rigid_link.hpp>
 
 #include <array>
+#include <cstddef>
 #include <string>
 
 namespace iim {
