@@ -1,5 +1,6 @@
-// What the equations of motion leave of q̈ is nothing, by sums that share none with the pass: every kind of part, scene
-// and load. A term with a wrong sign, frame or place would make robots under loads come back wrong, or not at all.
+// What the equations of motion leave of q̈ is nothing, by sums over bodies that the pass does not make: every kind of
+// part, scene and load. A term with a wrong sign, frame or place would make robots under loads come back wrong, or not
+// at all.
 #include "catch.hpp"
 #include "mechanism.hpp"
 #include "random_tree.hpp"
@@ -9,6 +10,8 @@
 #include <iim/subsystem/joint_more.hpp>
 #include <iim/subsystem/sprung.hpp>
 
+#include <cmath>
+#include <cstdint>
 #include <string>
 #include <type_traits>
 

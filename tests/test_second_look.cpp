@@ -6,6 +6,8 @@
 #include <iim/iim.hpp>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <string>
 #include <type_traits>
 
@@ -106,14 +108,16 @@ Count count(const Parts& parts, int states, test::Random& random)
         exact_method(forward_dynamics(q.template cast<Exact>().eval(), qd.template cast<Exact>().eval(), exact_ws));
     REQUIRE(exact.ok());
     const auto error = [](const auto& x, const auto& right) {
-      return static_cast<double>((x.template cast<Exact>() - right).norm() / right.norm());
+      const auto relative = static_cast<double>((x.template cast<Exact>() - right).norm() / right.norm());
+      REQUIRE(std::isfinite(relative));
+      return relative;
     };
     ++all.ok;
     all.worst = std::max({all.worst, error(result.Bhat, exact.Bhat), error(result.qdd0, exact.qdd0)});
     for (Index v = 0; v < tree.n_v(); ++v) {
       all.worst_row = std::max(all.worst_row, error(result.Bhat.row(v), exact.Bhat.row(v)));
     }
-    // Under inputs, a wrench on the load among them, with the same digits.
+    // Under inputs, a wrench on the last part among them, with the same digits.
     const VectorX<Scalar> u = VectorX<Scalar>::LinSpaced(inputs.columns(), Scalar(-1), Scalar(1));
     const auto moved = forward_dynamics(q, qd, inputs, u, ws);
     if (moved.status == Status::ok) {
@@ -153,7 +157,7 @@ TEST_CASE("float: results that small pivots went into are right, or refused")
   };
   // Without a second look 169, 70 and 1 come back, the worst 3.6 % off.
   check(loaded_rods(1e4), 180);
-  check(loaded_rods(1e5), 65);
+  check(loaded_rods(1e5), 80);
   check(loaded_rods(1e6), 3);
 }
 

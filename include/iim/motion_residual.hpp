@@ -44,6 +44,17 @@ Scalar largest_of(const TriplePair<Scalar>& x)
   return larger(largest_of(x.linear), largest_of(x.angular));
 }
 
+/// Whether a subsystem hangs on a free body, or on what is fixed to one.
+template <class Data>
+bool is_on_free(const Node& node, Data& ws)
+{
+  for (Index i = node.parent; i >= 0; i = ws.tree().node(i).parent) {
+    const auto& part = ws.bodies_beyond().part(i);
+    if (part.is_free || part.n_i > 0) { return part.is_free; }
+  }
+  return false;
+}
+
 /// Room for it, and the sums. Workspace: its part that depends on Scalar and update alone; find_bodies has been called.
 template <class Scalar>
 class MotionResidual {
@@ -70,7 +81,7 @@ public:
   Scalar& x(Index v) { return x_[at(v)]; }                          ///< acceleration
   Vector6<Scalar>& x_of(Index f) { return accelerations_[at(f)]; }  ///< of a frame, at its coupling point
   const Scalar& change(Index v) const { return change_[at(v)]; }    ///< δx
-  /// How many times ε, about, the roundings that δx is of are.
+  /// Times ε: how large roundings in δx may be, as far as W y and the terms of h tell.
   const Scalar& unseen(Index v) const { return unseen_[at(v)]; }
 
   /// x = 0.
@@ -181,7 +192,7 @@ private:
     to_inlet += body_wrench<velocity>(ws.tree().inlet_mass(node.index), *part.R,
                                       Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
     Sizes sizes(to_inlet);
-    Scalar* const terms = terms_.data();  // how large what h is a sum of is
+    Scalar* const terms = terms_.data();  // of h: the sum of their sizes
     for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
     for (int k = 0; k < part.n_frames; ++k) {
       const Sizes& of_frame = sizes_[at(node.frame + k)];
@@ -198,7 +209,7 @@ private:
       }
     }
     // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
-    const bool hangs_free = part.is_free || (node.parent >= 0 && ws.bodies_beyond().part(node.parent).is_free);
+    const bool hangs_free = part.is_free || is_on_free(node, ws);
     Scalar* const scaled = scaled_.data();
     for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
     for (int d = 0; d < n; ++d) {

@@ -37,7 +37,7 @@ bool is_below(const Scalar& x, const Scalar& limit)
 template <class Scalar>
 bool is_below_or_zero(const Scalar& x, const Scalar& limit)
 {
-  return is_below(x, limit) || x == Scalar(0);
+  return is_below(x, limit) || (is_finite(x) && x == Scalar(0));  // with -ffast-math NaN could be 0
 }
 
 /// Whether passes do so: in matrix form, of one state. (Of several, a small pivot has them computed one by one.)
@@ -88,14 +88,14 @@ public:
   {
     find_robots(ws);
     set_least_reach(ws);
-    // What a free body is moved by, nothing else may move as much, nor the joints on it if it is light: these are
-    // moved, too, from the second time on, and the body the third.
+    // A light free body is moved by loads on it, and on its joints, so much that nothing is seen of other errors: the
+    // first time these are not loaded, the second the body is not.
     for (const Index time : {1, 2, 3}) {
       for (const Node& node : ws.tree().nodes()) {
-        const bool on_free = node.parent >= 0 && ws.bodies_beyond().part(node.parent).is_free;
-        const bool moves = time >= (ws.bodies_beyond().part(node.index).is_free ? 3 : on_free ? 2 : 1);
+        const bool is_free = ws.bodies_beyond().part(node.index).is_free;
+        const bool moves = time >= (is_free ? 3 : is_on_free(node, ws) ? 2 : 1);
         for (Index v = node.v; v < node.v + ws.tree().velocities(node.index); ++v) {
-          // No round numbers: with 1 and −1 roundings cancelled for 55 of 20000 machines that have no M⁻¹.
+          // Not all of one size: with 1 and −1 roundings cancelled for 55 of 20000 machines that have no M⁻¹.
           const double size = 1 + static_cast<double>((7 * v + 5 * time) % 8) / 8;
           residual_.load(v) = Scalar(!moves ? 0 : v / time % 2 == 0 ? size : -size);
         }
@@ -138,8 +138,14 @@ public:
     return true;
   }
 
-  /// The first of the small pivots.
-  Index first() const { return small_.front(); }
+  /// After refine: the first of the small pivots in the robot that is wrong.
+  Index first() const
+  {
+    for (const Index i : small_) {
+      if (is_in_wrong_robot(i)) { return i; }
+    }
+    return wrong_;
+  }
 
 private:
   /// A subsystem, as one of those that can move each other.
@@ -150,11 +156,13 @@ private:
     Scalar x = Scalar(0), roundings = x;  ///< if it is the first: of all, the largest acceleration, and roundings
   };
 
-  /// The first subsystem whose sum over what it moves is far from M̄_R; else the first of the small pivots.
+  /// Of the small pivots in the robot that is wrong, the first whose sum over what it moves is far from M̄_R; else the
+  /// first.
   template <class Data>
   Index worst(bool springs, Data& ws)
   {
     for (const Index i : small_) {
+      if (!is_in_wrong_robot(i)) { continue; }
       for (int d = 0; d < ws.bodies_beyond().part(i).n_i; ++d) {
         const Scalar off = ws.bodies_beyond().unit_of(ws.tree().node(i), d, springs, ws) - Scalar(1);
         if (!is_below(off, Scalar(1.0 / 64))) { return i; }
@@ -162,6 +170,8 @@ private:
     }
     return first();
   }
+
+  bool is_in_wrong_robot(Index i) const { return members_[at(i)].first == members_[at(wrong_)].first; }
 
   /// A free body within a tree moves with what is before it, but does not move it.
   template <class Data>
@@ -189,8 +199,8 @@ private:
   }
 
   /// Whether each δx is small against what the loads up to now have moved this velocity by, or than roundings. (1/32:
-  /// of seven rods under 10⁵ kg, a hand of 1 g on the load, 91 % come back, none of their rows of B̂ off by more
-  /// than 3.2 %; with 1/64 77 %, with 1/16 97 %, up to 6.2 % off.)
+  /// of seven rods under 10⁵ kg, a hand of 1 g on the load, 90 % come back, none of their rows of B̂ off by more
+  /// than 3.2 %; with 1/64 77 %, with 1/16 97 %, up to 6.2 % off.) On a free body it is told but of joints farther out.
   template <class Data>
   bool moves_hold(const Data& ws)
   {
@@ -199,7 +209,7 @@ private:
       Scalar& reach = reach_[at(v)];
       reach = larger(reach, magnitude(residual_.x(v)));
       const Scalar limit = larger(Scalar(reach * Scalar(1.0 / 32)), roundings(v, Scalar(1.0 / 4)));
-      hold &= !own.by_each || is_below_or_zero(residual_.change(v), limit);
+      if (own.by_each && !is_below_or_zero(residual_.change(v), limit)) { hold = note_wrong(own); }
     });
     return hold;
   }
@@ -213,10 +223,16 @@ private:
       robot.roundings = larger(robot.roundings, roundings(v, uncertain));
     });
     bool hold = true;
-    for_each_judged(ws, [&](Index v, const Member&, const Member& robot) {
-      hold &= is_below_or_zero(residual_.change(v), larger(Scalar(robot.x / Scalar(smaller)), robot.roundings));
+    for_each_judged(ws, [&](Index v, const Member& own, const Member& robot) {
+      const Scalar limit = larger(Scalar(robot.x / Scalar(smaller)), robot.roundings);
+      if (!is_below_or_zero(residual_.change(v), limit)) { hold = note_wrong(own); }
     });
     return hold;
+  }
+  bool note_wrong(const Member& member)
+  {
+    wrong_ = static_cast<Index>(&member - members_.data());
+    return false;
   }
   /// f(velocity, its subsystem, the first of the robot).
   template <class Data, class F>
@@ -240,6 +256,7 @@ private:
   Array<Index> touched_;  // frames that something is applied to
   Array<bool> is_touched_;
   Array<Vector6<Scalar>> applied_;  // to frames
+  Index wrong_ = 0;                 // a subsystem of which something does not hold
   Array<Member> members_;           // of subsystems
   Array<Scalar> reach_;             // of velocities
   MotionResidual<Scalar> residual_;
