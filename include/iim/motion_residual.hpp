@@ -192,7 +192,7 @@ private:
     to_inlet += body_wrench<velocity>(ws.tree().inlet_mass(node.index), *part.R,
                                       Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
     Sizes sizes(to_inlet);
-    Scalar* const terms = terms_.data();  // of h: the sum of their sizes
+    Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
     for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
     for (int k = 0; k < part.n_frames; ++k) {
       const Sizes& of_frame = sizes_[at(node.frame + k)];
