@@ -69,7 +69,7 @@ void add_hand(Parts& parts, const std::string& parent)
 
 struct Count {
   int ok = 0;
-  double worst = 0;       ///< of B̂ and q̈₀, relative
+  double worst = 0;       ///< of B̂, relative, and of q̈₀ where it is more than roundings of forces
   double worst_row = 0;   ///< of B̂
   int held = 0;           ///< come back under motors that hold the robot still
   double worst_held = 0;  ///< of that, to 16 times what roundings of u do to q̈
@@ -112,8 +112,17 @@ Count count(const Parts& parts, int states, test::Random& random)
       REQUIRE(std::isfinite(relative));
       return relative;
     };
+    // What is wrong of q̈ counts if it is more than 16 roundings of the forces on the joints make.
+    const auto acceleration_error = [&](const auto& x, const auto& right) {
+      if (inputs.columns() != tree.n_v() + 6) { return error(x, right); }
+      const MatrixX<Exact> motors = exact.Bhat.leftCols(tree.n_v());
+      const VectorX<Exact> forces = motors.fullPivLu().solve(exact.qdd0);
+      const VectorX<Exact> by_roundings = motors.cwiseAbs() * forces.cwiseAbs();
+      const auto wrong = static_cast<double>((x.template cast<Exact>() - right).norm() / by_roundings.norm());
+      return wrong < 16 * Eigen::NumTraits<Scalar>::epsilon() ? 0.0 : error(x, right);
+    };
     ++all.ok;
-    all.worst = std::max({all.worst, error(result.Bhat, exact.Bhat), error(result.qdd0, exact.qdd0)});
+    all.worst = std::max({all.worst, error(result.Bhat, exact.Bhat), acceleration_error(result.qdd0, exact.qdd0)});
     for (Index v = 0; v < tree.n_v(); ++v) {
       all.worst_row = std::max(all.worst_row, error(result.Bhat.row(v), exact.Bhat.row(v)));
     }
@@ -122,7 +131,7 @@ Count count(const Parts& parts, int states, test::Random& random)
     const auto moved = forward_dynamics(q, qd, inputs, u, ws);
     if (moved.status == Status::ok) {
       const VectorX<Exact> right = exact.qdd0 + exact.Bhat * u.template cast<Exact>();
-      all.worst = std::max(all.worst, error(moved.qdd, right));
+      all.worst = std::max(all.worst, acceleration_error(moved.qdd, right));
     }
     if (inputs.columns() != tree.n_v() + 6) { continue; }
     // As far as its Scalar lets them, motors hold it still: q̈ is of roundings alone.
@@ -156,9 +165,9 @@ TEST_CASE("float: results that small pivots went into are right, or refused")
     CHECK(count<float, Update::printed>(parts, 200, random).worst < 0.01);
   };
   // Without a second look 169, 70 and 1 come back, the worst 3.6 % off.
-  check(loaded_rods(1e4), 180);
-  check(loaded_rods(1e5), 80);
-  check(loaded_rods(1e6), 3);
+  check(loaded_rods(1e4), 195);
+  check(loaded_rods(1e5), 190);
+  check(loaded_rods(1e6), 160);
 }
 
 TEST_CASE("float: a light hand hides nothing that is wrong of the arm beside it, or that it is on")
@@ -169,7 +178,7 @@ TEST_CASE("float: a light hand hides nothing that is wrong of the arm beside it,
     Parts parts = loaded_rods(1e6);
     add_hand(parts, parent);
     const Count projected = count<float, Update::projected>(parts, 200, random);
-    CHECK(projected.ok >= 3);
+    CHECK(projected.ok >= 40);
     CHECK(projected.worst_row < 0.05);  // looked at as one, 58 to 87 % come back, rows of them 60 to 75 % off
   }
 }
@@ -193,6 +202,6 @@ TEST_CASE("double: the same under loads as heavy for it")
 {
   test::Random random(1);
   const Count projected = count<double, Update::projected>(loaded_rods(1e14), 200, random);
-  CHECK(projected.worst < 0.01);
-  CHECK(projected.ok >= 25);  // without a second look 4 % off
+  CHECK(projected.worst < 1e-10);
+  CHECK(projected.ok >= 180);
 }

@@ -15,9 +15,11 @@
 #include <iim/body.hpp>
 #include <iim/registers.hpp>
 #include <iim/row.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree_data.hpp>
+#include <iim/update.hpp>
 
 #include <algorithm>
 #include <array>
@@ -25,6 +27,10 @@
 #include <type_traits>
 
 namespace iim::detail {
+
+/// Whether small pivots are mended by such sums (weak_pivot.hpp).
+template <class Data>
+inline constexpr bool mends = Data::update == Update::projected && !bodies_first<typename Data::Scalar>;
 
 /// Numbers side by side, in registers if these can be. (Eigen's arrays of built-in numbers would make a controller 9 %
 /// slower to compile.)
@@ -75,6 +81,28 @@ template <class Lane, std::size_t n>
 {
 #pragma GCC unroll 8
   for (std::size_t k = 0; k < n; ++k) { G[k] += a * b[static_cast<int>(k)]; }
+}
+
+/// Of the first acceleration with each.
+template <class Lane, class Scalar>
+struct FirstWithEach {
+  Lane G;
+  Scalar turning = Scalar(0);  ///< of rotors, if they turned with what carries them: what their spins are left of
+};
+template <class Lane, class Scalar>
+[[gnu::always_inline]] inline void add_product(const Lane& a, const Lane& b, FirstWithEach<Lane, Scalar>& sum)
+{
+  sum.G += a * b[0];
+}
+template <class Lane, class Scalar, class Sum>
+[[gnu::always_inline]] inline void add_turning(const Motions<Lane>&, const Scalar&, Sum&)
+{
+}
+template <class Lane, class Scalar>
+[[gnu::always_inline]] inline void add_turning(const Motions<Lane>& carrier, const Scalar& inertia,
+                                               FirstWithEach<Lane, Scalar>& sum)
+{
+  for (std::size_t i = 3; i < 6; ++i) { sum.turning += inertia * carrier[i][0] * carrier[i][0]; }
 }
 
 /// Of the body on a frame that has the accelerations a at its coupling point, from which the frame's origin is r away.
@@ -131,7 +159,7 @@ template <class Lane, class Scalar, class Sum>
   });
 }
 
-/// How many subsystems count body by body, on whatever they hang, where A has no digits left.
+/// How many subsystems count body by body at most, on whatever they hang.
 inline constexpr Index most_one_by_one = 32;
 
 /// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
@@ -217,30 +245,45 @@ public:
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
   }
   /// After the last.
-  void allocate(Index frames)
+  void allocate(const TreeData<Scalar>& tree)
   {
-    one_.allocate(frames, most_velocities_);
-    if (most_velocities_ > 1) { four_.allocate(frames, most_velocities_); }
-    if (most_velocities_ > 4) { six_.allocate(frames, most_velocities_); }
+    // As deep as the sums go: the tree, or what counts one by one and what hangs on that, with all that stands still.
+    Index depths = 0, still = 0, most_frames = 1;
+    for (const Node& node : tree.nodes()) {
+      depths = std::max<Index>(depths, tree.depth(node.index) + 1);
+      still += part(node.index).n_i == 0;
+      most_frames = std::max<Index>(most_frames, part(node.index).n_frames);
+    }
+    depths = std::min<Index>(depths, most_one_by_one + still + 4);
+    one_.allocate(depths, most_frames, most_velocities_);
+    if (most_velocities_ > 1) { four_.allocate(depths, most_frames, most_velocities_); }
+    six_.allocate(depths, most_frames, most_velocities_);
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a. `springs`: of an implicit step.
-  /// one_by_one: that many subsystems after it count body by body, on whatever they hang.
   template <class Lane, class Data, class Sum>
-  [[gnu::noinline]] void add_up(const Node& node, const Motions<Lane>& a, bool springs, const Data& ws, Sum& G,
-                                Index one_by_one = 0)
+  [[gnu::noinline]] void add_up(const Node& node, const Motions<Lane>& a, bool springs, const Data& ws, Sum& G)
   {
-    auto& room = [this]() -> auto& {
-      if constexpr (std::is_same_v<Lane, Scalar>) {
-        return one_;
-      } else if constexpr (std::is_same_v<Lane, FourLanes<Scalar>>) {
-        return four_;
-      } else {
-        return six_;
+    Room<Lane>& room = this->room<Lane>();
+    copy(a, room.of(0, 0));
+    add_beyond(node, CarriedApart{*this, node.index, 0}, springs, ws, room, G);
+  }
+  /// The same as far as is_enough(frame, its accelerations, G) says of all frames of a subsystem that A of them is good
+  /// enough for what hangs on them, but for most_one_by_one subsystems at most.
+  template <class Lane, class Data, class Sum, class IsEnough>
+  [[gnu::noinline]] void add_up_until(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a, bool springs,
+                                      const Data& ws, Sum& G)
+  {
+    Room<Lane>& room = this->room<Lane>();
+    copy(a, room.of(0, 0));
+    const auto is_whole = [&](const Node& part, Index depth, const auto&) {
+      bool whole = true;
+      for (int k = 0; k < this->part(part.index).n_frames; ++k) {
+        whole &= is_enough(ws.frame(part.frame + k), room.of(depth, k), G);
       }
-    }();
-    copy(a, room.of(node.frame));
-    add_beyond(node, one_by_one, springs, ws, room, G);
+      return whole || part.index > node.index + most_one_by_one;
+    };
+    add_beyond(node, is_whole, springs, ws, room, G);
   }
 
   /// Of subsystem `node` and what hangs on it, its inlet at rest, for column d of C, M̄_R⁻¹ = C Cᵀ: 1, but for what C or
@@ -253,66 +296,93 @@ public:
     y.fill(Scalar(0));
     for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
     Scalar G(0);
-    add_moved(node, y, false, springs, ws, one_, G);
-    add_beyond(node, most_one_by_one, springs, ws, one_, G);
+    add_moved(node, 0, y, [](const Node&, Index, const auto&) { return false; }, springs, ws, one_, G);
+    add_beyond(node, CarriedApart{*this, node.index, most_one_by_one}, springs, ws, one_, G);
     return G;
   }
 
 private:
-  /// Accelerations of frames, and of one subsystem's velocities.
+  /// Accelerations of the frames of one subsystem at each depth, and of one subsystem's velocities.
   template <class Lane>
   struct Room {
     Array<Motions<Lane>> frames;
     Array<Lane> qdd;
+    Index most = 1;  ///< frames of a subsystem
 
-    void allocate(Index count, std::size_t velocities)
+    void allocate(Index depths, Index frames_of_each, std::size_t velocities)
     {
-      frames.resize(static_cast<std::size_t>(count));
+      most = frames_of_each;
+      frames.resize(static_cast<std::size_t>(depths * most));
       qdd.resize(velocities);
     }
-    Motions<Lane>& of(Index frame) { return frames[static_cast<std::size_t>(frame)]; }
+    Motions<Lane>& of(Index depth, Index frame) { return frames[static_cast<std::size_t>(depth * most + frame)]; }
   };
 
-  template <class Lane, class Data, class Sum>
-  [[gnu::always_inline]] void add_beyond(const Node& node, Index one_by_one, bool springs, const Data& ws,
+  template <class Lane>
+  Room<Lane>& room()
+  {
+    if constexpr (std::is_same_v<Lane, Scalar>) {
+      return one_;
+    } else if constexpr (std::is_same_v<Lane, FourLanes<Scalar>>) {
+      return four_;
+    } else {
+      return six_;
+    }
+  }
+
+  /// What hangs on what hangs on a subsystem counts in one, but for one_by_one subsystems after it.
+  struct CarriedApart {
+    const BodiesBeyond& bodies;
+    Index index, one_by_one;
+
+    template <class Tree>
+    bool operator()(const Node& part, Index, const Tree& tree) const
+    {
+      if (part.subtree_end == part.index + 1 || part.index <= index + one_by_one) { return false; }
+      Index carrier = part.parent;  // but for what stands still on it
+      while (carrier != index && bodies.part(carrier).n_i == 0) { carrier = tree.node(carrier).parent; }
+      return carrier != index;
+    }
+  };
+
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] void add_beyond(const Node& node, const IsWhole& is_whole, bool springs, const Data& ws,
                                          Room<Lane>& room, Sum& G) const
   {
     for (Index i = node.index + 1; i < node.subtree_end;) {
       const Node& part = ws.tree().node(i);
-      Index carrier = part.parent;  // but for what stands still on it
-      while (carrier != node.index && this->part(carrier).n_i == 0) { carrier = ws.tree().node(carrier).parent; }
-      const bool whole = carrier != node.index && part.subtree_end > i + 1 && i > node.index + one_by_one;
-      add_part(part, whole, springs, ws, room, G);
+      const Index depth = ws.tree().depth(i) - ws.tree().depth(node.index);
+      const bool whole = add_part(part, depth, is_whole, springs, ws, room, G);
       i = whole || this->part(i).is_free ? part.subtree_end : i + 1;
     }
   }
 
-  /// whole: with what hangs on its frames.
-  template <class Lane, class Data, class Sum>
-  [[gnu::always_inline]] void add_part(const Node& node, bool whole, bool springs, const Data& ws, Room<Lane>& room,
-                                       Sum& G) const
+  /// Whether it was with what hangs on its frames.
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] bool add_part(const Node& node, Index depth, const IsWhole& is_whole, bool springs,
+                                       const Data& ws, Room<Lane>& room, Sum& G) const
   {
     const Part& part = this->part(node.index);
     const int n = part.n_i;
     if (part.is_free) {
-      for (Lane& x : room.of(node.frame)) { detail::clear<Scalar>(x); }
-      return;
+      for (Lane& x : room.of(depth, 0)) { detail::clear<Scalar>(x); }
+      return false;
     }
     Motions<Lane> y;
-    copy(room.of(node.inlet), y);
+    copy(room.of(depth - 1, node.inlet - ws.tree().node(node.parent).frame), y);
     move_twist(*part.r, y);
     Lane* const qdd = room.qdd.data();
     for (int d = 0; d < n; ++d) {
       const Scalar* const W = part.W + d;
       qdd[d] = -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
     }
-    add_moved(node, y, whole, springs, ws, room, G);
+    return add_moved(node, depth, y, is_whole, springs, ws, room, G);
   }
 
   /// Of a subsystem with guidance acceleration y and room.qdd.
-  template <class Lane, class Data, class Sum>
-  [[gnu::always_inline]] void add_moved(const Node& node, const Motions<Lane>& y, bool whole, bool springs,
-                                        const Data& ws, Room<Lane>& room, Sum& G) const
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] bool add_moved(const Node& node, Index depth, const Motions<Lane>& y, const IsWhole& is_whole,
+                                        bool springs, const Data& ws, Room<Lane>& room, Sum& G) const
   {
     const Part& part = this->part(node.index);
     const int n = part.n_i;
@@ -320,19 +390,23 @@ private:
     const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
     add_body<Lane>(ws.tree().inlet_mass(node.index), *part.R, zero, y, G);
     const Scalar* S = part.S;
-    for (Index frame = node.frame; frame < node.frame + part.n_frames; ++frame) {
+    for (int k = 0; k < part.n_frames; ++k) {
       Motions<Lane> a;
       copy(y, a);
       for (int d = 0; d < n; ++d, S += 6) {
 #pragma GCC unroll 8
         for (std::size_t i = 0; i < 6; ++i) { a[i] += qdd[d] * S[i]; }
       }
-      copy(a, room.of(frame));
+      copy(a, room.of(depth, k));
+    }
+    const bool whole = is_whole(node, depth, ws.tree());
+    for (int k = 0; k < part.n_frames; ++k) {
+      const Index frame = node.frame + k;
       const auto& f = ws.frame(frame);
       if (whole) {
-        add_inertia<Lane>(f.A, a, G, ws.axes().of(frame));
+        add_inertia<Lane>(f.A, room.of(depth, k), G, ws.axes().of(frame));
       } else {
-        add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, a, G);
+        add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, room.of(depth, k), G);
       }
     }
     const auto spin = [&](const Scalar& inertia, const Lane& of_carrier, const Scalar* ratio) {
@@ -342,17 +416,20 @@ private:
     };
     for_each_rotor(node.index, [&](const RotorPart& rotor, const Scalar* ratio) {
       const bool on_inlet = rotor.frame < 0;
-      const Motions<Lane>& carrier = on_inlet ? y : room.of(node.frame + rotor.frame);
+      const Motions<Lane>& carrier = on_inlet ? y : room.of(depth, rotor.frame);
       Vector3<Scalar> axis = zero;
       if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
+      add_turning(carrier, rotor.inertia, G);
       spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratio);
     });
-    if (!springs) { return; }
-    for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
-      Lane at_rest;
-      detail::clear<Scalar>(at_rest);
-      spin(inertia, at_rest, ratio);
-    });
+    if (springs) {
+      for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
+        Lane at_rest;
+        detail::clear<Scalar>(at_rest);
+        spin(inertia, at_rest, ratio);
+      });
+    }
+    return whole;
   }
 
   Found found_;

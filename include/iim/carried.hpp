@@ -90,6 +90,18 @@ template <class Scalar>
   all.h.put(f.h.data());
 }
 
+/// A S of the frame's own bodies, of a joint that moves it along one column.
+template <class S>
+[[gnu::always_inline]] inline TriplePair<typename S::Scalar> own_column(const NodeState<S>& state,
+                                                                        const FrameState<typename S::Scalar>& f)
+{
+  using Scalar = typename S::Scalar;
+  const auto R = settled_columns(f.R);
+  TriplePair<Scalar> U{combined(R, state.own.linear), combined(R, state.own.angular)};
+  if constexpr (is_placed_off<S>()) { U.angular += cross(Triple<Scalar>::settled(f.r.data()), U.linear); }
+  return U;
+}
+
 /// Diagonal of the largest inertia that A of a frame is reduced from, itself included.
 template <class Scalar>
 [[gnu::always_inline]] inline TriplePair<Scalar> largest(const FrameState<Scalar>& f, const SpatialInertia<Scalar>& A)

@@ -6,6 +6,7 @@
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 
+#include <array>
 #include <cstddef>
 
 namespace iim::detail {
@@ -93,6 +94,37 @@ template <class Scalar, int n_i>
   for (int d = 0; d < n_i; ++d) {
 #pragma GCC unroll 8
     for (int e = 0; e < n_i; ++e) { D(e, d) += spring.ratio(e) * spring.inertia * spring.ratio(d); }
+  }
+}
+
+template <class S>
+using SpunRotors = std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>;
+
+/// Whether rotors, or in an implicit step springs, have a share in M̄*.
+template <bool implicit, class S>
+bool has_inertia_within(const NodeState<S>& state, const SpunRotors<S>& spun)
+{
+  using Scalar = typename S::Scalar;
+  bool has = false;
+  for (const SpunRotor<S>& rotor : spun) { has |= !(rotor.J == Scalar(0)); }
+  if constexpr (implicit) {
+    for (const auto& spring : state.springs) { has |= !(spring.inertia == Scalar(0)); }
+  }
+  return has;
+}
+/// That share, to U and D of one velocity.
+template <bool implicit, class S>
+[[gnu::noinline]] void add_inertia_within(const NodeState<S>& state, const SpunRotors<S>& spun,
+                                          TriplePair<typename S::Scalar>& U, typename S::Scalar& D)
+{
+  using Scalar = typename S::Scalar;
+  for (const SpunRotor<S>& rotor : spun) {
+    const Scalar Je = rotor.J * rotor.e(0);
+    D += Je * rotor.e(0);
+    U.angular += rotor.a * Je;
+  }
+  if constexpr (implicit) {
+    for (const auto& spring : state.springs) { D += spring.ratio(0) * spring.inertia * spring.ratio(0); }
   }
 }
 

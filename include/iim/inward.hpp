@@ -115,9 +115,7 @@ template <Scene scene, class S, class Workspace>
     if constexpr (apart) { carried[at] = own_bodies<S, scene.velocity>(body, f); }
     if constexpr (has_own_twist<S>() && apart) {
       TriplePair<Scalar>& U_0 = U_k[0][0];
-      const auto R = settled_columns(f.R);
-      U_0 = {combined(R, state.own.linear), combined(R, state.own.angular)};
-      if constexpr (is_placed_off<S>()) { U_0.angular += cross(Triple<Scalar>::settled(f.r.data()), U_0.linear); }
+      U_0 = own_column(state, f);
       D(0, 0) = state.own.D;
       if (f.arrived) {
         Columns U_arrived;
@@ -155,7 +153,7 @@ template <Scene scene, class S, class Workspace>
   }
 
   // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
-  std::array<SpunRotor<S>, n_rotors> spun;
+  SpunRotors<S> spun;
   if constexpr (n_rotors > 0) {
     const auto rotors = s.rotors();
     for (std::size_t k = 0; k < n_rotors; ++k) {
@@ -185,22 +183,24 @@ template <Scene scene, class S, class Workspace>
     }
   }
 
-  const bool weak = loses(D, scale);
-  bool losing = weak;
+  bool weak = loses(D, scale);
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
-      const Scalar pivot = mended_pivot(node, state, spun, scale(0), largest_inverse, scene.implicit, ws, D(0, 0));
-      mended = ScalarTraits<Scalar>::is_positive(pivot);
-      if (mended) {  // and U with it: Sᵀ U = D
-        D(0, 0) = pivot;
-        Triple<Scalar>& part = pattern.angular ? U[0].angular : U[0].linear;
-        const Triple<Scalar> along(state.S_k[0].data() + (pattern.angular ? 3 : 0));
-        part += along * (pivot - dot(along, part));
+      const auto pivot = mended_pivot(node, state, scale(0), scene.implicit, ws);
+      mended = ScalarTraits<Scalar>::is_positive(pivot.D);
+      if (mended) {
+        TriplePair<Scalar> all = U_k[0][0] = pivot.U;
+        Scalar moved = pivot.D;
+        add_inertia_within<scene.implicit, S>(state, spun, all, moved);
+        U[0] = all;
+        D(0, 0) = moved;
+        weak = false;
       }
     }
   }
   VectorI along;
+  bool losing = weak;
   for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
   if (losing) [[unlikely]] {
     along = along_loss(&ws.frame(node.frame), state);
@@ -244,11 +244,16 @@ template <Scene scene, class S, class Workspace>
   if (node.inlet < 0) { return; }
 
   if constexpr (mends_pivots<S, Workspace>()) {
-    if (mended) [[unlikely]] {  // A S = 0 from here on: `projected` leaves it as it is
-      const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-      carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), unit_column(state), TriplePair<Scalar>(U[0]),
-                            TriplePair<Scalar>(W[0]));
-      U_k[0][0] = {zero, zero};
+    if (mended) [[unlikely]] {
+      const Vector6<Scalar> column = unit_column(state);
+      if (has_inertia_within<scene.implicit, S>(state, spun)) {
+        carried[0].A = with_column(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U_k[0][0]));
+      } else {  // A S = 0 from here on: `projected` leaves it as it is
+        const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+        carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U[0]),
+                              TriplePair<Scalar>(W[0]));
+        U_k[0][0] = {zero, zero};
+      }
     }
   }
 

@@ -163,8 +163,9 @@ public:
 
   ParallelAxes() = default;
 
+  /// thin_limbs: whether these have axes of their own.
   template <class Tree>
-  [[gnu::cold]] explicit ParallelAxes(const Tree& tree) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
+  [[gnu::cold]] ParallelAxes(const Tree& tree, bool thin_limbs) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
     Array<Vector3<Scalar>> axis(group_.size());
     Limbs limbs(static_cast<std::size_t>(tree.size()));
@@ -196,7 +197,7 @@ public:
           limb.velocities += Scalar(1);
           if (node.index != limb.first) { limb.thinness += thinness(s, tree.frame_mass(node.frame)); }
           const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
-          if (ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
+          if (thin_limbs && ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
             limbs[static_cast<std::size_t>(limb.first)].thin = true;
           }
         } else {

@@ -11,11 +11,12 @@
 namespace iim::detail {
 
 /// Of scale, below which a pivot may have too few digits: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in
-/// float; 160 once in a thousand states), and by how much is then looked at (second_look.hpp).
+/// float; 160 once in a thousand states), and by how much is then looked at (second_look.hpp). Of several states at
+/// once, none of which mends small pivots (weak_pivot.hpp), what has them computed one by one.
 template <class Scalar>
 Scalar pivot_tolerance()
 {
-  return Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
+  return bodies_first<Scalar> ? Scalar(1.0 / 1024) : Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
 }
 
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).

@@ -90,6 +90,8 @@ public:
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
   /// Whether the axes of subsystem i are made orthogonal again: at every 16th of a path.
   bool straightens(Index i) const { return depth(i) % 16 == 15; }
+  /// Number of ancestors.
+  Index depth(Index i) const { return depth_[static_cast<std::size_t>(i)]; }
   const FrameMass<Scalar>& frame_mass(Index frame) const { return frame_mass_[static_cast<std::size_t>(frame)]; }
   const FrameMass<Scalar>& inlet_mass(Index i) const { return inlet_mass_[static_cast<std::size_t>(i)]; }
   /// Subsystem that owns a frame.
@@ -188,9 +190,6 @@ private:
   struct Sizes {
     int n_q, n_i, n_u, n_frames;
   };
-
-  /// Number of ancestors.
-  Index depth(Index i) const { return depth_[static_cast<std::size_t>(i)]; }
 
   // Not by type of the subsystem: this is the same for all, and what it would cost is compile time.
   template <class Part>

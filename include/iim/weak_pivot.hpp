@@ -50,7 +50,7 @@ namespace iim::detail {
 template <class S, class Data>
 constexpr bool mends_any()
 {
-  return Data::update == Update::projected && !bodies_first<typename S::Scalar> && S::n_frames == 1 && !is_free<S>();
+  return mends<Data> && S::n_frames == 1 && !is_free<S>();
 }
 
 /// Whether an implicit step adds inertia of springs to D: A' S = 0 is for joints without inertia of their own.
@@ -93,36 +93,52 @@ template <class Data>
   }
 }
 
-/// D of a pivot D that is small against `scale`, if it is one of those above; else 0. largest_inverse: on the
-/// diagonal of all M̄_R⁻¹ so far, which ‖M⁻¹‖ is not less than. (By value: what a function that is not inlined may write
-/// to would not stay in registers.)
+/// A S and Sᵀ A S of a frame that moves along one column.
+template <class Scalar>
+struct Pivot {
+  TriplePair<Scalar> U;
+  Scalar D;  ///< 0: left as it was
+};
+
+/// Of a pivot that is small against `scale`. (By value: what a function that is not inlined may write to would not stay
+/// in registers.)
 template <class S, class Data>
-[[gnu::noinline]] typename S::Scalar mended_pivot(
-    const Node& node, const NodeState<S>& state,
-    const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun, const typename S::Scalar scale,
-    const typename S::Scalar largest_inverse, bool springs, Data& ws, const typename S::Scalar D)
+[[gnu::noinline]] Pivot<typename S::Scalar> mended_pivot(const Node& node, const NodeState<S>& state,
+                                                         const typename S::Scalar scale, bool springs, Data& ws)
 {
   using Scalar = typename S::Scalar;
-  if (node.subtree_end == node.index + 1 || ws.axes().of(node.frame) != nullptr) { return Scalar(0); }
-  if (ws.frame(node.frame).loses) {
-    const Scalar along = along_loss(&ws.frame(node.frame), state)(0);
-    if (!ScalarTraits<Scalar>::is_positive(D - Scalar(1024) * along * along)) { return Scalar(0); }
-  }
-  if (!ScalarTraits<Scalar>::is_positive(D - Scalar(4) * Eigen::NumTraits<Scalar>::epsilon() * scale)) {
-    return Scalar(0);
-  }
-  // What the roundings of this pivot would be in M⁻¹, against the larger parts of it.
-  if (!ScalarTraits<Scalar>::is_positive(scale - Scalar(2) * D * D * largest_inverse)) { return Scalar(0); }
-  for (const SpunRotor<S>& rotor : spun) {
-    if (!(rotor.J == Scalar(0))) { return Scalar(0); }
-  }
-  if (springs && is_sprung(state)) { return Scalar(0); }
+  using Lane = SixLanes<Scalar>;
+  using Sum = FirstWithEach<Lane, Scalar>;
+  const FrameState<Scalar>& f = ws.frame(node.frame);
+  const TriplePair<Scalar> U = own_column(state, f);
+  if (!f.arrived || ws.axes().of(node.frame) != nullptr) { return {U, Scalar(0)}; }
   const Vector6<Scalar> S_0 = unit_column(state);
-  Scalar sum = state.own.D;
-  const bool small = !ScalarTraits<Scalar>::is_positive(D - pivot_tolerance<Scalar>() * scale);
-  ws.bodies_beyond().add_up(node, Motions<Scalar>{S_0(0), S_0(1), S_0(2), S_0(3), S_0(4), S_0(5)}, springs, ws, sum,
-                            small ? most_one_by_one : 0);
-  return sum;
+  Motions<Lane> a;  // along S, and along each of six axes
+  Sum sum;
+  clear<Scalar>(sum.G);
+  sum.G[0] = state.own.D;
+  for (int i = 0; i < 6; ++i) {
+    Lane& lane = a[static_cast<std::size_t>(i)];
+    clear<Scalar>(lane);
+    lane[0] = S_0(i);
+    lane[i + 1] = Scalar(1);
+    sum.G[i + 1] = U(i);
+  }
+  const auto is_enough = [](const FrameState<Scalar>& at, const Motions<Lane>& motion, const Sum& so_far) {
+    if (at.loses) { return false; }
+    const TriplePair<Scalar> size = largest(at, at.A);
+    Scalar rounding(0);
+    for (int i = 0; i < 6; ++i) {
+      const Scalar x = motion[static_cast<std::size_t>(i)][0];
+      rounding += x * x * size(i);
+    }
+    return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far.G[0] - rounding);
+  };
+  ws.bodies_beyond().add_up_until(is_enough, node, a, springs, ws, sum);
+  const Lane& G = sum.G;
+  const Scalar rounding = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();  // of accelerations
+  if (!ScalarTraits<Scalar>::is_positive(G[0] - rounding * rounding * (scale + sum.turning))) { return {U, Scalar(0)}; }
+  return {{Triple<Scalar>(G[1], G[2], G[3]), Triple<Scalar>(G[4], G[5], G[6])}, G[0]};
 }
 
 /// A −= a bᵀ + b aᵀ.
@@ -136,19 +152,29 @@ template <class Scalar>
   subtract_product(left, right, A);
 }
 
-/// A' of such a pivot.
+/// A with A S = U, S a unit column, and all else as it was.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
-                                                TriplePair<Scalar> U, TriplePair<Scalar> W)
+[[gnu::noinline]] SpatialInertia<Scalar> with_column(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
+                                                     const TriplePair<Scalar>& U)
 {
   const TriplePair<Scalar> s(S.data());
-  subtract_both(U, W * Scalar(0.5), A);
-  // E A E = A − S xᵀ − x Sᵀ, x = A S − ½ (Sᵀ A S) S
+  // x = A S − U, less ½ (S·x) S, which both terms have
   TriplePair<Scalar> x = A.of_linear(s.linear);
   x += A.of_angular(s.angular);
+  x -= U;
   x -= s * (Scalar(0.5) * dot(s, x));
   subtract_both(s, x, A);
   return A;
+}
+
+/// A' of such a pivot, where the joint has no inertia of its own.
+template <class Scalar>
+[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
+                                                const TriplePair<Scalar>& U, const TriplePair<Scalar>& W)
+{
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  subtract_both(U, W * Scalar(0.5), A);
+  return with_column(A, S, {zero, zero});
 }
 
 }  // namespace iim::detail

@@ -282,7 +282,7 @@ public:
     choose_free_axes();
     find_bodies();
     if constexpr (update != Update::square_root) {
-      this->axes_ = detail::ParallelAxes<Scalar>(tree);
+      this->axes_ = detail::ParallelAxes<Scalar>(tree, !detail::mends<Data>);
       this->add_receivers();
     }
   }
@@ -311,7 +311,7 @@ public:
       if (bodies.are_found()) { return; }
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
-      bodies.allocate(tree().n_frames());
+      bodies.allocate(tree());
       this->second_look_.allocate(tree());
     }
   }
