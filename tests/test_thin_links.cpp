@@ -171,7 +171,8 @@ test::RandomState stretched(const Tree<double>& tree, test::Random& random)
 
 TEST_CASE("bars with joints along and across them keep their digits whatever their number")
 {
-  // With pivots as they come: 4, 17, 11, 20, 16 and 10 of the 20 states over 16 ε, worst 54, 948, 234, 305, 154 and 242.
+  // With pivots as they come: 4, 17, 11, 20, 16 and 10 of the 20 states over 16 ε, worst 54, 948, 234, 305, 154 and
+  // 242.
   const struct {
     int links;
     double width;

@@ -1,10 +1,10 @@
 // Sums over all that a subsystem carries, whatever its types: Gᵢⱼ = Σ_b aᵢᵀ I_b aⱼ + Σ_r J_r (g_r aᵢ)(g_r aⱼ) for
 // accelerations a of a frame which the joints beyond it follow freely, q̈ = −W y.
 //
-// Body by body of what hangs on the frame; what hangs on that in turn counts with A of its frames, all that these carry
-// in one: little of a motion that meets a small inertia gets as far, and a subsystem's sum takes as long in a chain of
-// any length. (Body by body to the tips no error is smaller, but under heavy loads, where A has no digits left. With A
-// of the first frames already, balls in a row lose four times the digits.)
+// Body by body until A of a frame, all that this carries in one, is good enough for the sum (add_up_until), or of what
+// hangs on the frame alone, and what hangs on that in turn with A of its frames (add_up): little of a motion that meets
+// a small inertia gets as far, and a subsystem's sum takes as long in a chain of any length. (With A of the first
+// frames already, balls in a row lose four times the digits.)
 //
 // Of one acceleration in single numbers, or of up to four or six side by side. Types do not come into it: each
 // subsystem has said once where its numbers are. (With a function of each type for any number of accelerations the pass

@@ -231,7 +231,7 @@ private:
   bool holds()
   {
     if constexpr (looks_again<Data>) {
-      if (ws_.second_look().is_needed()) [[unlikely]] {
+      if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
         const bool holds = ws_.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, ws_);
         if (holds && detail::all_finite(ws_.qdd())) { return true; }
         diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());

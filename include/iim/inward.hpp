@@ -214,7 +214,7 @@ template <Scene scene, class S, class Workspace>
   [[maybe_unused]] Columns S_inverse;
   if constexpr (mends_roots<S, Workspace>()) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
-        !(scene.implicit && is_sprung(state))) [[unlikely]] {
+        !has_inertia_within<scene.implicit, S>(state, spun)) [[unlikely]] {
       mended = mend<pattern>(node, state.S_k[0], A_arrived, scene.implicit, ws,
                              Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, U, W, S_inverse, carried[0].A});
     }
@@ -250,8 +250,8 @@ template <Scene scene, class S, class Workspace>
         carried[0].A = with_column(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U_k[0][0]));
       } else {  // A S = 0 from here on: `projected` leaves it as it is
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-        carried[0].A = across(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U[0]),
-                              TriplePair<Scalar>(W[0]));
+        carried[0].A =
+            across(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U[0]), TriplePair<Scalar>(W[0]));
         U_k[0][0] = {zero, zero};
       }
     }

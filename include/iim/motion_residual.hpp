@@ -91,7 +91,8 @@ public:
     for (Vector6<Scalar>& acceleration : accelerations_) { acceleration.setZero(); }
   }
   /// δx. gravity, springs: of the scene, as is velocity. apply(f): f(frame, wrench) for what is applied to frames.
-  template <bool velocity, class Data, class Apply>
+  /// judged: `unseen` as well, which takes as long again.
+  template <bool velocity, bool judged = true, class Data, class Apply>
   void compute(bool gravity, bool springs, Data& ws, Apply&& apply)
   {
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
@@ -100,14 +101,14 @@ public:
                                                 Pair(accelerations_[at(f)].data()));
       wrench.put(forces_[at(f)].data());
       moves_[at(f)].setZero();
-      sizes_[at(f)] = Sizes(wrench);
+      if constexpr (judged) { sizes_[at(f)] = Sizes(wrench); }
     }
     apply([&](Index frame, const Vector6<Scalar>& wrench) {
       forces_[at(frame)] -= wrench;
-      sizes_[at(frame)] += Sizes(Pair(wrench.data()));
+      if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
     });
-    for (Index i = ws.tree().size(); i-- > 0;) { balance<velocity>(ws.tree().node(i), gravity, springs, ws); }
-    for (const Node& node : ws.tree().nodes()) { follow(node, ws); }
+    for (Index i = ws.tree().size(); i-- > 0;) { balance<velocity, judged>(ws.tree().node(i), gravity, springs, ws); }
+    for (const Node& node : ws.tree().nodes()) { follow<judged>(node, ws); }
   }
   /// x += δx.
   void add_change()
@@ -134,7 +135,7 @@ private:
 
   /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
   /// Bu − h − M q̈ of its velocities; and M⁻¹ of it on the way inward, `move` being the wrench that h makes there.
-  template <bool velocity, class Data>
+  template <bool velocity, bool judged, class Data>
   void balance(const Node& node, bool gravity, bool springs, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
@@ -182,7 +183,7 @@ private:
       } else {
         const Pair turns(zero, moment);
         add_to(forces_[at(frame)], turns);
-        sizes_[at(frame)] += Sizes(turns);
+        if constexpr (judged) { sizes_[at(frame)] += Sizes(turns); }
       }
     });
     if (springs) {
@@ -191,12 +192,15 @@ private:
     }
     to_inlet += body_wrench<velocity>(ws.tree().inlet_mass(node.index), *part.R,
                                       Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
-    Sizes sizes(to_inlet);
+    Sizes sizes;
     Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
-    for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
+    if constexpr (judged) {
+      sizes = Sizes(to_inlet);
+      for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
+    }
     for (int k = 0; k < part.n_frames; ++k) {
       const Sizes& of_frame = sizes_[at(node.frame + k)];
-      sizes += of_frame;
+      if constexpr (judged) { sizes += of_frame; }
       Pair all(forces_[at(node.frame + k)].data());
       to_inlet += all;
       const Pair move(moves_[at(node.frame + k)].data());
@@ -205,21 +209,25 @@ private:
       for (int d = 0; d < n; ++d) {
         const Pair S(part.S + 6 * (k * n + d));
         h[d] -= dot(S, all);
-        terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
+        if constexpr (judged) {
+          terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
+        }
       }
     }
     // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
-    const bool hangs_free = part.is_free || is_on_free(node, ws);
+    const bool hangs_free = judged && (part.is_free || is_on_free(node, ws));
     Scalar* const scaled = scaled_.data();
     for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
     for (int d = 0; d < n; ++d) {
       const Pair W = gain(part, d);
-      Scalar& unseen = unseen_[at(node.v + d)];
-      unseen = largest_of(W) * largest_of(y);
-      for (int e = 0; e < n && !hangs_free; ++e) {
-        Scalar inverse(0);  // entry of M̄_R⁻¹
-        for (int c = 0; c < n; ++c) { inverse += part.C[c * n + d] * part.C[c * n + e]; }
-        unseen += magnitude(inverse) * terms[e];
+      if constexpr (judged) {
+        Scalar& unseen = unseen_[at(node.v + d)];
+        unseen = largest_of(W) * largest_of(y);
+        for (int e = 0; e < n && !hangs_free; ++e) {
+          Scalar inverse(0);  // entry of M̄_R⁻¹
+          for (int c = 0; c < n; ++c) { inverse += part.C[c * n + d] * part.C[c * n + e]; }
+          unseen += magnitude(inverse) * terms[e];
+        }
       }
       wrench_to_inlet += W * h[d];
       h[d] = Scalar(0);
@@ -228,12 +236,14 @@ private:
     if (node.inlet < 0 || part.is_free) { return; }
     add_to(forces_[at(node.inlet)], moved(*part.r, to_inlet));
     add_to(moves_[at(node.inlet)], moved(*part.r, wrench_to_inlet));
-    sizes.moment += largest_of(triple(*part.r)) * sizes.force;
-    sizes_[at(node.inlet)] += sizes;
+    if constexpr (judged) {
+      sizes.moment += largest_of(triple(*part.r)) * sizes.force;
+      sizes_[at(node.inlet)] += sizes;
+    }
   }
 
   /// δx of a subsystem, and δV̇ of its frames.
-  template <class Data>
+  template <bool judged, class Data>
   void follow(const Node& node, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
@@ -242,7 +252,7 @@ private:
     Scalar size(0);
     if (node.inlet >= 0) {
       y = shifted(*part.r, Pair(moves_[at(node.inlet)].data()));
-      size = sizes_[at(node.inlet)].acceleration;
+      if constexpr (judged) { size = sizes_[at(node.inlet)].acceleration; }
     }
     // A free body within a tree stands still while its inlet moves: q̈ is a difference of which nothing may be left.
     const Scalar uncertain = Scalar(part.is_free ? 16 : 1) * size;
@@ -251,20 +261,21 @@ private:
     for (int d = 0; d < part.n_i; ++d) {
       const Pair W = gain(part, d);
       change[d] -= dot(W, y);
-      unseen_[at(node.v + d)] += largest_of(W) * uncertain;
+      if constexpr (judged) { unseen_[at(node.v + d)] += largest_of(W) * uncertain; }
     }
     for (int k = 0; k < part.n_frames; ++k) {
       Pair move = y;
-      Scalar of_frame = larger(size, largest_of(Pair(accelerations_[at(node.frame + k)].data())));
-      for (int d = 0; d < part.n_i; ++d) {
-        const Pair S(part.S + 6 * (k * part.n_i + d));
-        move += S * change[d];
-        Scalar rate = magnitude(x_[at(node.v + d)]);
-        if (part.is_free) { rate += unseen_[at(node.v + d)]; }
-        of_frame = larger(of_frame, Scalar(largest_of(S) * rate));
-      }
+      for (int d = 0; d < part.n_i; ++d) { move += Pair(part.S + 6 * (k * part.n_i + d)) * change[d]; }
       move.put(moves_[at(node.frame + k)].data());
-      sizes_[at(node.frame + k)].acceleration = of_frame;
+      if constexpr (judged) {
+        Scalar of_frame = larger(size, largest_of(Pair(accelerations_[at(node.frame + k)].data())));
+        for (int d = 0; d < part.n_i; ++d) {
+          Scalar rate = magnitude(x_[at(node.v + d)]);
+          if (part.is_free) { rate += unseen_[at(node.v + d)]; }
+          of_frame = larger(of_frame, Scalar(largest_of(Pair(part.S + 6 * (k * part.n_i + d))) * rate));
+        }
+        sizes_[at(node.frame + k)].acceleration = of_frame;
+      }
     }
   }
 

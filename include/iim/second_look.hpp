@@ -64,13 +64,17 @@ public:
   /// Before a pass.
   void clear()
   {
+    has_mended_ = false;
     small_.clear();
     for (const Index frame : touched_) { is_touched_[at(frame)] = false; }
     touched_.clear();
   }
   bool is_needed() const { return !small_.empty(); }
+  bool is_needed_for_acceleration() const { return has_mended_ || is_needed(); }
 
   void note_small_pivot(Index subsystem) { small_.push_back(subsystem); }
+  /// M̄_R and W of a pivot are better than A is: q̈ can be made better by them.
+  void note_mended_pivot() { has_mended_ = true; }
   /// wrench: about the frame's coupling point, world axes.
   void note_applied(Index frame, const Vector6<Scalar>& wrench)
   {
@@ -114,25 +118,34 @@ public:
     return moves_hold(ws) ? -1 : worst(springs, ws);
   }
 
-  /// After the outward loop: q̈ += δq̈, and V̇ with it, twice. False if the first δq̈ is not small, or the second not much
-  /// smaller. gravity, springs: of the scene, as is velocity. (A load that motors hold still has q̈ of roundings alone.
-  /// With 1 and 16 times these instead of 64 a quarter to a half and nine tenths of such states in float come back; the
-  /// error of all stays within 16 times what roundings of u do to q̈.)
+  /// After the outward loop: q̈ += δq̈, and V̇ with it. Where pivots are small twice, and false if the first δq̈ is not
+  /// small, or the second not much smaller; where they are mended, once. gravity, springs: of the scene, as is
+  /// velocity. (A load that motors hold still has q̈ of roundings alone. With 1 and 16 times these instead of 64 a
+  /// quarter to a half and nine tenths of such states in float come back; the error of all stays within 16 times what
+  /// roundings of u do to q̈.)
   template <bool velocity, class Data>
   [[gnu::cold, gnu::noinline]] bool refine(bool gravity, bool springs, Data& ws)
   {
-    find_robots(ws);
-    for (Member& member : members_) { member.is_judged = true; }
+    if (is_needed()) {
+      find_robots(ws);
+      for (Member& member : members_) { member.is_judged = true; }
+    }
     for (Index v = 0; v < ws.tree().n_v(); ++v) {
       residual_.load(v) = ws.load()(v);
       residual_.x(v) = ws.qdd()(v);
     }
     for (Index f = 0; f < ws.tree().n_frames(); ++f) { residual_.x_of(f) = ws.frame(f).Vdot; }
-    for (const int smaller : {16, 256}) {
-      residual_.template compute<velocity>(gravity, springs, ws, [&](auto&& apply) {
-        for (const Index frame : touched_) { apply(frame, applied_[at(frame)]); }
-      });
-      if (!robots_hold(smaller, Scalar(64), ws)) { return false; }
+    const auto apply = [&](auto&& f) {
+      for (const Index frame : touched_) { f(frame, applied_[at(frame)]); }
+    };
+    if (is_needed()) {
+      for (const int smaller : {16, 256}) {
+        residual_.template compute<velocity>(gravity, springs, ws, apply);
+        if (!robots_hold(smaller, Scalar(64), ws)) { return false; }
+        residual_.add_change();
+      }
+    } else {
+      residual_.template compute<velocity, false>(gravity, springs, ws, apply);
       residual_.add_change();
     }
     for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = residual_.x(v); }
@@ -261,6 +274,7 @@ private:
 
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
+  bool has_mended_ = false;
   Array<Index> small_;    // subsystems
   Array<Index> touched_;  // frames that something is applied to
   Array<bool> is_touched_;
