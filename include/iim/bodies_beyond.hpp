@@ -279,7 +279,7 @@ public:
     const auto is_whole = [&](const Node& part, Index depth, const auto&) {
       bool whole = true;
       for (int k = 0; k < this->part(part.index).n_frames; ++k) {
-        whole &= is_enough(ws.frame(part.frame + k), room.of(depth, k), G);
+        whole &= is_enough(part.frame + k, room.of(depth, k), G);
       }
       return whole || part.index > node.index + most_one_by_one;
     };

@@ -91,7 +91,7 @@ public:
     for (Vector6<Scalar>& acceleration : accelerations_) { acceleration.setZero(); }
   }
   /// δx. gravity, springs: of the scene, as is velocity. apply(f): f(frame, wrench) for what is applied to frames.
-  /// judged: `unseen` as well, which takes as long again.
+  /// judged: `unseen` as well, which takes four times as long again.
   template <bool velocity, bool judged = true, class Data, class Apply>
   void compute(bool gravity, bool springs, Data& ws, Apply&& apply)
   {

@@ -105,9 +105,13 @@ template <class S, class Data>
   using Sum = FirstWithEach<Lane, Scalar>;
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const TriplePair<Scalar> U = own_column(state, f);
-  if (!f.arrived || ws.axes().of(node.frame) != nullptr) { return {U, Scalar(0)}; }
-  const Vector6<Scalar> S_0 = unit_column(state);
-  Motions<Lane> a;  // along S, and along each of six axes
+  if (!f.arrived) { return {U, Scalar(0)}; }
+  // Motions in the world's axes along S and along each of the axes of A.
+  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity();
+  if (const auto* own = ws.axes().of(node.frame)) { axes = *own; }
+  Vector6<Scalar> S_0 = unit_column(state);
+  turn_triples(axes, true, S_0.data(), 2);
+  Motions<Lane> a;
   Sum sum;
   clear<Scalar>(sum.G);
   sum.G[0] = state.own.D;
@@ -115,17 +119,18 @@ template <class S, class Data>
     Lane& lane = a[static_cast<std::size_t>(i)];
     clear<Scalar>(lane);
     lane[0] = S_0(i);
-    lane[i + 1] = Scalar(1);
+    for (int j = 0; j < 3; ++j) { lane[(i < 3 ? 1 : 4) + j] = axes(i % 3, j); }
     sum.G[i + 1] = U(i);
   }
-  const auto is_enough = [](const FrameState<Scalar>& at, const Motions<Lane>& motion, const Sum& so_far) {
+  const auto is_enough = [&ws](Index frame, const Motions<Lane>& motion, const Sum& so_far) {
+    const FrameState<Scalar>& at = ws.frame(frame);
     if (at.loses) { return false; }
+    Vector6<Scalar> along;
+    for (int i = 0; i < 6; ++i) { along(i) = motion[static_cast<std::size_t>(i)][0]; }
+    if (const auto* own = ws.axes().of(frame)) { turn_triples(*own, false, along.data(), 2); }
     const TriplePair<Scalar> size = largest(at, at.A);
     Scalar rounding(0);
-    for (int i = 0; i < 6; ++i) {
-      const Scalar x = motion[static_cast<std::size_t>(i)][0];
-      rounding += x * x * size(i);
-    }
+    for (int i = 0; i < 6; ++i) { rounding += along(i) * along(i) * size(i); }
     return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far.G[0] - rounding);
   };
   ws.bodies_beyond().add_up_until(is_enough, node, a, springs, ws, sum);
