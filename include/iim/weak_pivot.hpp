@@ -27,8 +27,8 @@
 // and 10⁹ times their weight 5, 45 (340, 8000), 5, 144 (3·10⁵, 4·10⁶) and 7, 430 (2·10⁸, 3·10⁹), q̈₀ 1, 506 (300, 8000),
 // 1, 6 (2·10⁵, 3·10⁶) and 1, 7 (2·10⁸, 3·10⁹); masses × 10 per link, 12 links, B̂ 13, 1200 (8·10⁴, 10⁷), q̈₀ 2, 2·10⁴
 // (7·10⁴, 2·10⁷); thin links on sliding and turning joints B̂ 6, 38 (9, 170). A joint takes 60 to 100 ns more where it
-// is done, q̈ 0.2 µs and 40 ns a joint: loaded arms take up to three times as long, others in few states (a wrist stretched
-// along the forearm; 4 % of the whole), chains of thin links in every third joint.
+// is done, q̈ 0.2 µs and 40 ns a joint: loaded arms take up to three times as long, others in few states (a wrist
+// stretched along the forearm; 4 % of the whole), chains of thin links in every third joint.
 //
 // Of several velocities, and of a free base: mended_root.hpp.
 #pragma once
