@@ -105,13 +105,10 @@ template <class S, class Data>
   using Sum = FirstWithEach<Lane, Scalar>;
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const TriplePair<Scalar> U = own_column(state, f);
-  if (!f.arrived) { return {U, Scalar(0)}; }
-  // Motions in the world's axes along S and along each of the axes of A.
-  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity();
-  if (const auto* own = ws.axes().of(node.frame)) { axes = *own; }
-  Vector6<Scalar> S_0 = unit_column(state);
-  turn_triples(axes, true, S_0.data(), 2);
-  Motions<Lane> a;
+  // In a group's axes the plane that its joints move in has its digits as it is.
+  if (!f.arrived || ws.axes().of(node.frame) != nullptr) { return {U, Scalar(0)}; }
+  const Vector6<Scalar> S_0 = unit_column(state);
+  Motions<Lane> a;  // along S, and along each of six axes
   Sum sum;
   clear<Scalar>(sum.G);
   sum.G[0] = state.own.D;
@@ -119,7 +116,7 @@ template <class S, class Data>
     Lane& lane = a[static_cast<std::size_t>(i)];
     clear<Scalar>(lane);
     lane[0] = S_0(i);
-    for (int j = 0; j < 3; ++j) { lane[(i < 3 ? 1 : 4) + j] = axes(i % 3, j); }
+    lane[i + 1] = Scalar(1);
     sum.G[i + 1] = U(i);
   }
   const auto is_enough = [&ws](Index frame, const Motions<Lane>& motion, const Sum& so_far) {
