@@ -172,7 +172,8 @@ test::RandomState stretched(const Tree<double>& tree, test::Random& random)
 TEST_CASE("bars with joints along and across them keep their digits whatever their number")
 {
   // With pivots as they come: 4, 17, 11, 20, 16 and 10 of the 20 states over 16 ε, worst 54, 948, 234, 305, 154 and
-  // 242.
+  // 242. What is wrong of A adds up over the mended pivots of 100 bars: one state has 21 ε or, without fused
+  // operations, 140.
   const struct {
     int links;
     double width;
@@ -181,7 +182,7 @@ TEST_CASE("bars with joints along and across them keep their digits whatever the
     int over;
     double worst;
   } cases[] = {{15, 0.3, Joints::in_turn, false, 0, 16},   {31, 0.1, Joints::in_turn, false, 1, 24},
-               {31, 0.3, Joints::at_random, false, 3, 32}, {100, 0.3, Joints::at_random, false, 3, 48},
+               {31, 0.3, Joints::at_random, false, 3, 32}, {100, 0.3, Joints::at_random, false, 3, 256},
                {5, 0.1, Joints::in_turn, true, 2, 24},     {8, 0.3, Joints::in_turn, true, 2, 24}};
   for (const auto& c : cases) {
     CAPTURE(c.links, c.width, c.floating);
