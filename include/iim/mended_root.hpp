@@ -199,7 +199,7 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
                             const Reduction<Scalar, n>& reduction)
 {
   constexpr int columns = n <= 4 ? 4 : 6;  // of which up to four share a function
-  using Lane = std::conditional_t<columns == 4, FourLanes<Scalar>, SixLanes<Scalar>>;
+  using Lane = std::conditional_t<columns == 4, FourLanes<Scalar>, EightLanes<Scalar>>;
   if (ws.axes().of(node.frame) != nullptr || !invert<pattern>(S, reduction.S_inverse)) { return false; }
   Eigen::Matrix<Scalar, n, n> C = reduction.C;
   std::array<Lane, static_cast<std::size_t>(columns)> G;
@@ -254,9 +254,9 @@ template <class Scalar, class Data>
       for (int i = 0; i < 6; ++i) { C(i, k) += T(i, j) * C_T(j, k); }
     }
   }
-  Motions<SixLanes<Scalar>> G;
-  for (SixLanes<Scalar>& column : G) { clear<Scalar>(column); }
-  const auto abreast = [&] { return motions<SixLanes<Scalar>>(C, Matrix6<Scalar>(Matrix6<Scalar>::Identity())); };
+  Motions<EightLanes<Scalar>> G;
+  for (EightLanes<Scalar>& column : G) { clear<Scalar>(column); }
+  const auto abreast = [&] { return motions<EightLanes<Scalar>>(C, Matrix6<Scalar>(Matrix6<Scalar>::Identity())); };
   add_body(body, f.R, f.r, abreast(), G);
   if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, C.data(), 12); }  // the world's beyond
   ws.bodies_beyond().add_up(node, abreast(), springs, ws, G);

@@ -101,7 +101,7 @@ template <class S, class Data>
                                                          const typename S::Scalar scale, bool springs, Data& ws)
 {
   using Scalar = typename S::Scalar;
-  using Lane = SixLanes<Scalar>;
+  using Lane = EightLanes<Scalar>;
   using Sum = FirstWithEach<Lane, Scalar>;
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const TriplePair<Scalar> U = own_column(state, f);
