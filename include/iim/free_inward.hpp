@@ -197,8 +197,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], f.loss.angular)); }
   }
   Matrix6<Scalar> C_T;
-  if (!root_of_inverse<Scalar, 6>(A_T, scale, C_T)) { note_small_pivot(node, ws, diagnosis); }
-
+  bool positive = root_of_inverse<Scalar, 6>(A_T, scale, C_T);
   if constexpr (Workspace::update == Update::projected) {
     if constexpr (bodies_first<Scalar>) {
       bool strong = true;
@@ -214,9 +213,17 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       S_1.put(&T(0, 5));
       Vector6<Scalar> inertia = scale;
       inertia(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
+      if (!positive) { root_of_inverse<Scalar, 6, true>(A_T, scale, C_T); }
       mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, scene.implicit, ws, C_T);
+      positive = true;
+      for (int k = 0; k < 6; ++k) {
+        const Scalar loss = square(C_T(k, k)) * scale(k);
+        positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
+        if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
+      }
     }
   }
+  if (!positive) { note_small_pivot(node, ws, diagnosis); }
 
   // C = W T C_T. The frame's V̇ = −A⁻¹ p is told from the forces on it alone: as the inlet's acceleration, bias and S q̈
   // together it would have the roundings of gravity, which joints feel by their lengths' reciprocal (solo12 at rest:

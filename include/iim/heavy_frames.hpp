@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/array.hpp>
+#include <iim/body.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree_data.hpp>
@@ -63,7 +64,6 @@ private:
   };
 
   static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
-  static Scalar sum_of_moments(const Matrix3<Scalar>& I) { return I(0, 0) + I(1, 1) + I(2, 2); }
   static bool is_positive(const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); }
   static bool outweighs(const Scalar& a, const Scalar& b) { return is_positive(b) && is_positive(a / Scalar(256) - b); }
   static Scalar smaller(const Scalar& a, const Scalar& b)

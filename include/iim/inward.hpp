@@ -103,10 +103,6 @@ template <Scene scene, class S, class Workspace>
     hq(d) = -ws.load()(node.v + d);
     scale(d) = Scalar(0);
   }
-  [[maybe_unused]] SpatialInertia<Scalar> A_arrived;
-  if constexpr (mends_roots<S, Workspace>()) {
-    if (ws.frame(node.frame).arrived) { A_arrived = ws.frame(node.frame).A; }
-  }
 #pragma GCC unroll 2
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
@@ -187,7 +183,7 @@ template <Scene scene, class S, class Workspace>
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
-      const auto pivot = mended_pivot(node, state, scale(0), scene.implicit, ws);
+      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), scene.implicit, ws);
       mended = ScalarTraits<Scalar>::is_positive(pivot.D);
       if (mended) {
         TriplePair<Scalar> all = U_k[0][0] = pivot.U;
@@ -207,18 +203,17 @@ template <Scene scene, class S, class Workspace>
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
   Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
-  if (!invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv)) [[unlikely]] {
-    note_small_pivot(node, ws, diagnosis);
-  }
+  bool positive = invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv);
   Columns W;
-  [[maybe_unused]] Columns S_inverse;
   if constexpr (mends_roots<S, Workspace>()) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
         !has_inertia_within<scene.implicit, S>(state, spun)) [[unlikely]] {
-      mended = mend<pattern>(node, state.S_k[0], A_arrived, scene.implicit, ws,
-                             Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, U, W, S_inverse, carried[0].A});
+      mended = mend<pattern>(node, state.S_k[0], size[0], scene.implicit, ws,
+                             Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, W, carried[0].A, positive});
+      weak = weak && !mended;
     }
   }
+  if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
   if constexpr (mends_any<S, Workspace>()) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
   }
@@ -245,7 +240,7 @@ template <Scene scene, class S, class Workspace>
 
   if constexpr (mends_pivots<S, Workspace>()) {
     if (mended) [[unlikely]] {
-      const Vector6<Scalar> column = unit_column(state);
+      const TriplePair<Scalar> column = column_of<pattern>(state.S_k[0], 0);
       if (has_inertia_within<scene.implicit, S>(state, spun)) {
         carried[0].A = with_column(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U_k[0][0]));
       } else {  // A S = 0 from here on: `projected` leaves it as it is
@@ -261,7 +256,7 @@ template <Scene scene, class S, class Workspace>
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = A_of(k);
     if constexpr (mends_roots<S, Workspace>()) {
-      return projected<pattern>(A_k, state.S_k[k], U_k[k], mended ? S_inverse : W);
+      return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else {

@@ -28,19 +28,11 @@ struct LanesOf<Scalar, n> : VectorOf<Scalar, n> {};
 template <class Scalar>
 using EightLanes = typename LanesOf<Scalar, 8>::Type;
 template <class Scalar>
-using FourLanes = typename LanesOf<Scalar, 4>::Type;
+using SixteenLanes = typename LanesOf<Scalar, 16>::Type;
 
 /// Accelerations of a frame, component by component: linear and angular, world axes, at the coupling point.
 template <class Lane>
 using Motions = std::array<Lane, 6>;
-
-/// to = from, register by register: g++ copies an array in pieces, which are slow to load as a whole.
-template <class Lane>
-[[gnu::always_inline]] inline void copy(const Motions<Lane>& from, Motions<Lane>& to)
-{
-#pragma GCC unroll 8
-  for (std::size_t i = 0; i < 6; ++i) { to[i] = from[i]; }
-}
 
 /// x = 0, whatever it was.
 template <class Scalar, class Lane>
@@ -53,6 +45,30 @@ template <class Scalar, class Lane>
   } else {
     x = Lane{};
   }
+}
+
+/// The n columns of X side by side, in lanes 0 … n − 1.
+template <class Lane, class Scalar, int n, class Columns>
+[[gnu::always_inline]] inline Motions<Lane> abreast(const Columns& X)
+{
+  Motions<Lane> a;
+#pragma GCC unroll 8
+  for (int i = 0; i < 6; ++i) {
+    Lane lane;
+    clear<Scalar>(lane);
+#pragma GCC unroll 8
+    for (int k = 0; k < n; ++k) { lane[k] = X(i, k); }
+    a[static_cast<std::size_t>(i)] = lane;
+  }
+  return a;
+}
+
+/// to = from, register by register: g++ copies an array in pieces, which are slow to load as a whole.
+template <class Lane>
+[[gnu::always_inline]] inline void copy(const Motions<Lane>& from, Motions<Lane>& to)
+{
+#pragma GCC unroll 8
+  for (std::size_t i = 0; i < 6; ++i) { to[i] = from[i]; }
 }
 
 template <class Lane>

@@ -166,10 +166,14 @@ public:
   }
 
 private:
-  /// Whether a body has 16 times the mass of one further inward.
+  /// Whether a body weighs 16 times as much as one further inward: its mass at the longest lever that there is, and its
+  /// moments. (By the mass alone a flywheel on light links has q̈₀ of as many ε as it is heavier than they are.)
   [[gnu::cold]] static bool has_heavy(const TreeData<Scalar>& tree)
   {
     const auto is_positive = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); };
+    Scalar lever(0);  // squared
+    for (const Node& node : tree.nodes()) { lever = larger(lever, tree.placement(node.index).p.squaredNorm()); }
+    for (Index f = 0; f < tree.n_frames(); ++f) { lever = larger(lever, tree.frame_mass(f).com.squaredNorm()); }
     Array<Scalar> lightest(at(tree.size()), Scalar(0));  // of those inward of a subsystem, and its own; 0: none
     bool has = false;
     for (const Node& node : tree.nodes()) {
@@ -177,10 +181,11 @@ private:
       if (node.parent >= 0) { light = lightest[at(node.parent)]; }
       const Scalar inward = light;
       for (Index f = node.frame; f < tree.n_frames() && tree.owner(f) == node.index; ++f) {
-        const Scalar& mass = tree.frame_mass(f).mass;
-        if (!tree.frame_mass(f).present || !is_positive(mass)) { continue; }
-        has |= is_positive(inward) && is_positive(mass - Scalar(16) * inward);
-        if (!is_positive(light) || is_positive(light - mass)) { light = mass; }
+        const FrameMass<Scalar>& body = tree.frame_mass(f);
+        const Scalar weight = body.mass * lever + sum_of_moments(body.central_inertia);
+        if (!body.present || !is_positive(weight)) { continue; }
+        has |= is_positive(inward) && is_positive(weight - Scalar(16) * inward);
+        if (!is_positive(light) || is_positive(light - weight)) { light = weight; }
       }
     }
     return has;

@@ -23,11 +23,13 @@ Scalar pivot_tolerance()
 ///
 /// `scale` (n): what D's diagonal would be without the cancellations that led to it (roundings.hpp). Returns whether no
 /// pivot is below pivot_tolerance of it (or below zero, where scale itself is a rounding); if not, C may be NaN.
-template <class Scalar, int n>
+/// always: no pivot is less than its roundings, so that there is some C.
+template <class Scalar, int n, bool always = false>
 [[gnu::always_inline]] inline bool root_of_inverse(const Eigen::Matrix<Scalar, n, n>& D,
                                                    const Eigen::Matrix<Scalar, n, 1>& scale,
                                                    Eigen::Matrix<Scalar, n, n>& C)
 {
+  using std::max;
   using std::min;
   using std::sqrt;
   const Scalar tolerance = pivot_tolerance<Scalar>();
@@ -45,7 +47,9 @@ template <class Scalar, int n>
   }
 #pragma GCC unroll 8
   for (int j = 0; j < n; ++j) {
-    const Scalar pivot = left(j, j), inverse = Scalar(1) / pivot;
+    Scalar pivot = left(j, j);
+    if constexpr (always) { pivot = max(pivot, Scalar(Eigen::NumTraits<Scalar>::epsilon() * scale(j))); }
+    const Scalar inverse = Scalar(1) / pivot;
     positive &= ScalarTraits<Scalar>::is_positive(min(pivot, Scalar(pivot - tolerance * rounding(j))));
 #pragma GCC unroll 8
     for (int i = j + 1; i < n; ++i) {

@@ -64,16 +64,13 @@ constexpr bool mends_pivots()
   return mends_any<S, Data>() && has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
 }
 
-/// S in all six rows.
-template <class S>
-Vector6<typename S::Scalar> unit_column(const NodeState<S>& state)
+/// Column d of S, in all six rows.
+template <MotionPattern pattern, class Scalar, int n>
+[[gnu::always_inline]] inline TriplePair<Scalar> column_of(const Eigen::Matrix<Scalar, 6, n>& S, int d)
 {
-  using Scalar = typename S::Scalar;
-  Vector6<Scalar> column;
-  for (int i = 0; i < 6; ++i) {
-    column(i) = (i < 3 ? S::pattern.linear : S::pattern.angular) ? state.S_k[0](i, 0) : Scalar(0);
-  }
-  return column;
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  const Scalar* const column = S.data() + 6 * d;
+  return {pattern.linear ? Triple<Scalar>(column) : zero, pattern.angular ? Triple<Scalar>(column + 3) : zero};
 }
 
 /// Of a pivot below pivot_tolerance.
@@ -94,21 +91,53 @@ struct Pivot {
   Scalar D;  ///< 0: left as it was
 };
 
-/// Of a pivot that is small against `scale`. (By value: what a function that is not inlined may write to would not stay
-/// in registers.)
+/// Whether A of a frame is good enough for a sum that is `so_far`, in a lane of the frame's motions.
+template <class Scalar, class Lane, class Data>
+[[gnu::always_inline]] inline bool has_digits(const Data& ws, Index frame, const Motions<Lane>& motions, int lane,
+                                              const Scalar& so_far)
+{
+  const FrameState<Scalar>& f = ws.frame(frame);
+  if (f.loses) { return false; }
+  Vector6<Scalar> a;
+  for (int i = 0; i < 6; ++i) { a(i) = motions[static_cast<std::size_t>(i)][lane]; }
+  if (const auto* own = ws.axes().of(frame)) { turn_triples(*own, false, a.data(), 2); }
+  const TriplePair<Scalar> size = largest(f, f.A);
+  Scalar rounding(0);
+  for (int i = 0; i < 6; ++i) { rounding += a(i) * a(i) * size(i); }
+  return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far - rounding);
+}
+
+/// Roundings of accelerations, squared: a share of `scale` that sums are told from zero by.
+template <class Scalar>
+constexpr Scalar squared_roundings()
+{
+  const Scalar rounding = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
+  return rounding * rounding;
+}
+
+/// Of a pivot D that is small against `scale`. (By value: what a function that is not inlined may write to would not
+/// stay in registers.)
 template <class S, class Data>
 [[gnu::noinline]] Pivot<typename S::Scalar> mended_pivot(const Node& node, const NodeState<S>& state,
-                                                         const typename S::Scalar scale, bool springs, Data& ws)
+                                                         const typename S::Scalar D, const typename S::Scalar scale,
+                                                         bool springs, Data& ws)
 {
   using Scalar = typename S::Scalar;
   using Lane = EightLanes<Scalar>;
   using Sum = FirstWithEach<Lane, Scalar>;
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const TriplePair<Scalar> U = own_column(state, f);
-  // In a group's axes the plane that its joints move in has its digits as it is.
-  if (!f.arrived || ws.axes().of(node.frame) != nullptr) { return {U, Scalar(0)}; }
-  const Vector6<Scalar> S_0 = unit_column(state);
-  Motions<Lane> a;  // along S, and along each of six axes
+  if (!f.arrived) { return {U, Scalar(0)}; }
+  Vector6<Scalar> S_0;
+  column_of<S::pattern>(state.S_k[0], 0).put(S_0.data());
+  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity();  // of A
+  if (const auto* own = ws.axes().of(node.frame)) {
+    // The plane that a group's joints move in has its digits as it is, but under loads.
+    if (ScalarTraits<Scalar>::is_positive(Scalar(256) * D - scale)) { return {U, Scalar(0)}; }
+    axes = *own;
+    turn_triples(axes, true, S_0.data(), 2);
+  }
+  Motions<Lane> a;  // along S, and along each of the six axes of A
   Sum sum;
   clear<Scalar>(sum.G);
   sum.G[0] = state.own.D;
@@ -116,24 +145,17 @@ template <class S, class Data>
     Lane& lane = a[static_cast<std::size_t>(i)];
     clear<Scalar>(lane);
     lane[0] = S_0(i);
-    lane[i + 1] = Scalar(1);
+    for (int j = 0; j < 3; ++j) { lane[(i < 3 ? 1 : 4) + j] = axes(i % 3, j); }
     sum.G[i + 1] = U(i);
   }
-  const auto is_enough = [&ws](Index frame, const Motions<Lane>& motion, const Sum& so_far) {
-    const FrameState<Scalar>& at = ws.frame(frame);
-    if (at.loses) { return false; }
-    Vector6<Scalar> along;
-    for (int i = 0; i < 6; ++i) { along(i) = motion[static_cast<std::size_t>(i)][0]; }
-    if (const auto* own = ws.axes().of(frame)) { turn_triples(*own, false, along.data(), 2); }
-    const TriplePair<Scalar> size = largest(at, at.A);
-    Scalar rounding(0);
-    for (int i = 0; i < 6; ++i) { rounding += along(i) * along(i) * size(i); }
-    return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far.G[0] - rounding);
+  const auto is_enough = [&ws](Index frame, const Motions<Lane>& motions, const Sum& so_far) {
+    return has_digits<Scalar>(ws, frame, motions, 0, so_far.G[0]);
   };
   ws.bodies_beyond().add_up_until(is_enough, node, a, springs, ws, sum);
   const Lane& G = sum.G;
-  const Scalar rounding = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();  // of accelerations
-  if (!ScalarTraits<Scalar>::is_positive(G[0] - rounding * rounding * (scale + sum.turning))) { return {U, Scalar(0)}; }
+  if (!ScalarTraits<Scalar>::is_positive(G[0] - squared_roundings<Scalar>() * (scale + sum.turning))) {
+    return {U, Scalar(0)};
+  }
   if (!ScalarTraits<Scalar>::is_positive(Scalar(64) * G[0] - scale)) { ws.second_look().note_mended_pivot(); }
   return {{Triple<Scalar>(G[1], G[2], G[3]), Triple<Scalar>(G[4], G[5], G[6])}, G[0]};
 }
@@ -149,12 +171,11 @@ template <class Scalar>
   subtract_product(left, right, A);
 }
 
-/// A with A S = U, S a unit column, and all else as it was.
+/// A with A s = U, s a unit column, and all else as it was.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> with_column(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
+[[gnu::noinline]] SpatialInertia<Scalar> with_column(SpatialInertia<Scalar> A, const TriplePair<Scalar>& s,
                                                      const TriplePair<Scalar>& U)
 {
-  const TriplePair<Scalar> s(S.data());
   // x = A S − U, less ½ (S·x) S, which both terms have
   TriplePair<Scalar> x = A.of_linear(s.linear);
   x += A.of_angular(s.angular);
@@ -166,12 +187,12 @@ template <class Scalar>
 
 /// A' of such a pivot, where the joint has no inertia of its own.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const Vector6<Scalar>& S,
+[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const TriplePair<Scalar>& s,
                                                 const TriplePair<Scalar>& U, const TriplePair<Scalar>& W)
 {
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
   subtract_both(U, W * Scalar(0.5), A);
-  return with_column(A, S, {zero, zero});
+  return with_column(A, s, {zero, zero});
 }
 
 }  // namespace iim::detail
