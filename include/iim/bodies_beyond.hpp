@@ -13,7 +13,6 @@
 #include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/motion_products.hpp>
-#include <iim/row.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
@@ -31,7 +30,7 @@ namespace iim::detail {
 template <class Data>
 inline constexpr bool mends = Data::update == Update::projected && !bodies_first<typename Data::Scalar>;
 
-/// How far out subsystems count body by body at most, on whatever they hang.
+/// How many subsystems outward on a path count body by body at most.
 inline constexpr Index most_one_by_one = 128;
 
 /// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
@@ -115,10 +114,10 @@ public:
     parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(),
                       state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
-    if (!is_free<S>()) { most_moved_ = std::max<std::size_t>(most_moved_, S::n_i); }
+    has_wide_ |= !is_free<S>() && S::n_frames == 1 && S::n_i > 2 && rotor_count<S>() == 0;
   }
-  /// After the last.
-  void allocate(const TreeData<Scalar>& tree)
+  /// After the last. mended: whether pivots are.
+  void allocate(const TreeData<Scalar>& tree, bool mended)
   {
     // As deep as the sums go: the tree, or what counts one by one and what hangs on that, with all that stands still.
     Index depths = 0, still = 0, most_frames = 1;
@@ -129,13 +128,14 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(depths, most_frames, most_velocities_);
-    if (most_moved_ > 2) { sixteen_.allocate(depths, most_frames, most_velocities_); }
+    if (!mended) { return; }
+    if (has_wide_) { sixteen_.allocate(depths, most_frames, most_velocities_); }
     eight_.allocate(depths, most_frames, most_velocities_);
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a, as far as is_enough(frame, its
   /// accelerations, G) says of all frames of a subsystem that A of them is good enough for what hangs on them, but for
-  /// most_one_by_one joints outward at most. `springs`: of an implicit step.
+  /// most_one_by_one subsystems outward at most. `springs`: of an implicit step.
   template <class Lane, class Data, class Sum, class IsEnough>
   [[gnu::noinline]] void add_up_until(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a, bool springs,
                                       const Data& ws, Sum& G)
@@ -303,7 +303,8 @@ private:
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;
   Array<SpringPart> springs_;
-  std::size_t most_velocities_ = 0, most_moved_ = 0;  // of a subsystem; of one that is not free
+  std::size_t most_velocities_ = 0;
+  bool has_wide_ = false;  // of those in more than eight lanes (mended_root.hpp)
   Room<Scalar> one_;
   Room<EightLanes<Scalar>> eight_;
   Room<SixteenLanes<Scalar>> sixteen_;

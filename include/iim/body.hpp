@@ -93,11 +93,15 @@ struct Body {
   }
 };
 
+namespace detail {
+
 template <class Scalar>
 Scalar sum_of_moments(const Matrix3<Scalar>& I)
 {
   return I(0, 0) + I(1, 1) + I(2, 2);
 }
+
+}  // namespace detail
 
 /// The rigid body that all bodies carried by one frame make together.
 template <class Scalar>

@@ -214,12 +214,13 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       Vector6<Scalar> inertia = scale;
       inertia(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
       if (!positive) { root_of_inverse<Scalar, 6, true>(A_T, scale, C_T); }
-      mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, scene.implicit, ws, C_T);
-      positive = true;
-      for (int k = 0; k < 6; ++k) {
-        const Scalar loss = square(C_T(k, k)) * scale(k);
-        positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
-        if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
+      if (mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, scene.implicit, ws, C_T)) {
+        positive = true;
+        for (int k = 0; k < 6; ++k) {
+          const Scalar loss = square(C_T(k, k)) * scale(k);
+          positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
+          if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
+        }
       }
     }
   }

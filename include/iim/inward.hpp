@@ -196,9 +196,9 @@ template <Scene scene, class S, class Workspace>
     }
   }
   VectorI along;
-  bool losing = weak;
+  bool losing = false;
   for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
-  if (losing) [[unlikely]] {
+  if (losing || weak) [[unlikely]] {
     along = along_loss(&ws.frame(node.frame), state);
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
@@ -304,7 +304,7 @@ template <Scene scene, class S, class Workspace>
   FrameState<Scalar>& inlet = ws.frame(receiver);
   hand_on<scene>(A, hg, state.c, state.r, inlet);
   for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
-  if (losing) [[unlikely]] { pass_loss(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
+  if (losing || weak) [[unlikely]] { pass_loss(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
 }
 
 /// A subsystem without internal velocities hands on what it carries.

@@ -11,15 +11,15 @@
 //
 //     W = S⁺ + C Vᵀ,        A' = E (A − V Vᵀ) E,        V = E U C,        E = 1 − S S⁺
 //
-// in orthonormal columns Q, S = Q R, where those of S are not. A pivot of which A has no digits left is as large as its
-// roundings to begin with.
+// in orthonormal columns Q, S = Q R, where those of S are not. (Not of screws in groups of six parallel joints and
+// more, and with rotors within.) A pivot of which A has no digits left is as large as its roundings to begin with.
 //
-// (Double, in brackets with C alone from sums. Trees of twelve boxes of any shape, of 480 states the error of B̂ is over
-// 16 ε in 11 for ball joints (87), 9 for universal ones (28), 9 for all kinds together on a free base (53), the worst
-// 25, 36 and 28 ε (160, 53, 218); chains of them 23 for balls (264) and for universal joints (71). Four balls,
-// universal, cylindrical or planar joints under 10⁶ times their weight 3 to 5 ε in half of the states (6·10⁴ to 6·10⁵),
-// six screws 9 (61). Passes of such boxes take 10 to 70 % longer than with C alone, loaded ones 50 to 100 %. From
-// pivots of a fourth on, three times as many states of boxes on balls are over 16 ε.)
+// (Double, in brackets with C alone from sums. Trees of twelve boxes of any shape, as heavy as each other: of 480
+// states the error of B̂ is over 16 ε in 11 for ball joints (87), 9 for universal ones (28), 9 for all kinds together on
+// a free base (53), the worst 25, 36 and 28 ε (160, 53, 218); chains of them 23 for balls (264) and for universal
+// joints (71). Four balls, universal, cylindrical or planar joints under 10⁶ times their weight 3 to 5 ε in half of the
+// states (6·10⁴ to 6·10⁵), six screws 9 (61). Passes of such boxes take 10 to 70 % longer than with C alone, loaded
+// ones 50 to 100 %. From pivots of a fourth on, three times as many states of boxes on balls are over 16 ε.)
 //
 // Of a free base, where nothing is handed on, C alone is mended. (Of 3000 random chains on a free base like their links
 // the error of B̂ is over 16 ε for 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at
@@ -30,10 +30,12 @@
 #include <iim/articulated_inertia.hpp>
 #include <iim/bodies_beyond.hpp>
 #include <iim/body.hpp>
-#include <iim/kinematics.hpp>
+#include <iim/motion_products.hpp>
 #include <iim/node_state.hpp>
 #include <iim/parallel_axes.hpp>
 #include <iim/roundings.hpp>
+#include <iim/scalar.hpp>
+#include <iim/second_look.hpp>
 #include <iim/spatial.hpp>
 #include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
@@ -199,7 +201,7 @@ private:
   }
 };
 
-/// C of Qᵀ A Q. size: of A (roundings.hpp).
+/// C of Qᵀ A Q, with pivots of roundings, ε·scale, where nothing is left of them.
 template <class Scalar, int n>
 [[gnu::noinline]] void root_along(const SixColumns<Scalar, n>& Q, const SpatialInertia<Scalar>& A,
                                   const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C)
@@ -272,6 +274,7 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   Orthonormal<Scalar, n> columns;
   if (ws.axes().of(node.frame) != nullptr || !columns.template set<pattern>(S)) { return false; }
   const SixColumns<Scalar, n>& Q = columns.Q;
+  const FrameState<Scalar>& f = ws.frame(node.frame);
   Eigen::Matrix<Scalar, n, 1> scale;
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) {
@@ -287,7 +290,6 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   for (int i = 0; i < 6; ++i) { a[static_cast<std::size_t>(i)][n + i] = Scalar(1); }
   Sum G;
   for (Lane& column : G) { clear<Scalar>(column); }
-  const FrameState<Scalar>& f = ws.frame(node.frame);
   add_body(ws.tree().frame_mass(node.frame), f.R, f.r, a, G);
   ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, a, springs, ws, G);
   if (!lower_root<Scalar, n>(G, L)) { return false; }
@@ -339,9 +341,9 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
 /// C_T of a free base to C_T L⁻ᵀ, L Lᵀ = G, of the motions C = T C_T. By the roundings of A_T, ε·scale, and by those
 /// of the motions, ε·a·√size, of inertias `size` that these meet, each entry of G is taken from the sums or left as it
 /// is: along the axis of the limb's first joint, where A_T is made of what is held, it is better than they are. (The
-/// factor: with 4, limbs under loads have up to a hundred times the error.)
+/// factor: with 4, limbs under loads have up to a hundred times the error.) False, and C_T as it was, if G has no root.
 template <class Scalar, class Data>
-[[gnu::noinline]] void mend_root(const Node& node, const FrameMass<Scalar>& body, const Matrix6<Scalar>& T,
+[[gnu::noinline]] bool mend_root(const Node& node, const FrameMass<Scalar>& body, const Matrix6<Scalar>& T,
                                  const Vector6<Scalar>& scale, const Vector6<Scalar>& size, bool springs, Data& ws,
                                  Matrix6<Scalar>& C_T)
 {
@@ -374,7 +376,9 @@ template <class Scalar, class Data>
     }
   }
   Matrix6<Scalar> L;
-  if (lower_root<Scalar, 6>(G, L)) { divide(C_T, L); }
+  if (!lower_root<Scalar, 6>(G, L)) { return false; }
+  divide(C_T, L);
+  return true;
 }
 
 }  // namespace iim::detail

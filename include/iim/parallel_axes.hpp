@@ -145,7 +145,7 @@ template <class S, class Scalar>
     for (const auto& rotor : s.rotors()) { about_axis += rotor.inertia * rotor.ratio(0) * rotor.ratio(0); }
   }
   if (!ScalarTraits<Scalar>::is_positive(about_axis)) { return Scalar(0); }
-  const Scalar moments = body.inertia(0, 0) + body.inertia(1, 1) + body.inertia(2, 2);
+  const Scalar moments = sum_of_moments(body.inertia);
   return ScalarTraits<Scalar>::is_positive(moments - Scalar(8) * about_axis) ? Scalar(moments / about_axis) : Scalar(0);
 }
 

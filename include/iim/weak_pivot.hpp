@@ -30,7 +30,7 @@
 // is done, q̈ 0.2 µs and 40 ns a joint: loaded arms take up to three times as long, others in few states (a wrist
 // stretched along the forearm; 4 % of the whole), chains of thin links in every third joint.
 //
-// Of several velocities, and of a free base: mended_root.hpp.
+// Of several velocities, of screws, and of a free base: mended_root.hpp.
 #pragma once
 
 #include <iim/articulated_inertia.hpp>
@@ -41,7 +41,6 @@
 #include <iim/roundings.hpp>
 #include <iim/second_look.hpp>
 #include <iim/spatial.hpp>
-#include <iim/spd.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -109,7 +108,7 @@ template <class Scalar, class Lane, class Data>
 
 /// Roundings of accelerations, squared: a share of `scale` that sums are told from zero by.
 template <class Scalar>
-constexpr Scalar squared_roundings()
+Scalar squared_roundings()
 {
   const Scalar rounding = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
   return rounding * rounding;

@@ -311,7 +311,7 @@ public:
       if (bodies.are_found()) { return; }
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
-      bodies.allocate(tree());
+      bodies.allocate(tree(), detail::mends<Data>);
       this->second_look_.allocate(tree());
     }
   }
