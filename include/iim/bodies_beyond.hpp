@@ -30,7 +30,7 @@ namespace iim::detail {
 template <class Data>
 inline constexpr bool mends = Data::update == Update::projected && !bodies_first<typename Data::Scalar>;
 
-/// How many subsystems outward on a path count body by body at most.
+/// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
 inline constexpr Index most_one_by_one = 128;
 
 /// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
@@ -163,7 +163,7 @@ public:
     for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
     Scalar G(0);
     add_moved(node, 0, y, [](const Node&, Index, const auto&) { return false; }, springs, ws, one_, G);
-    add_beyond(node, CarriedApart{*this, node.index, most_one_by_one}, springs, ws, one_, G);
+    add_beyond(node, CarriedApart{*this, node.index}, springs, ws, one_, G);
     return G;
   }
 
@@ -196,15 +196,15 @@ private:
     }
   }
 
-  /// What hangs on what hangs on a subsystem counts in one, but for one_by_one subsystems after it.
+  /// What hangs on what hangs on a subsystem counts in one, but for most_one_by_one subsystems after it.
   struct CarriedApart {
     const BodiesBeyond& bodies;
-    Index index, one_by_one;
+    Index index;
 
     template <class Tree>
     bool operator()(const Node& part, Index, const Tree& tree) const
     {
-      if (part.subtree_end == part.index + 1 || part.index <= index + one_by_one) { return false; }
+      if (part.subtree_end == part.index + 1 || part.index <= index + most_one_by_one) { return false; }
       Index carrier = part.parent;  // but for what stands still on it
       while (carrier != index && bodies.part(carrier).n_i == 0) { carrier = tree.node(carrier).parent; }
       return carrier != index;

@@ -260,7 +260,7 @@ struct Reduction {
   Eigen::Matrix<Scalar, n, n>& C;  ///< D⁻¹ = C Cᵀ
   Eigen::Matrix<Scalar, n, n>& D_inv;
   SixColumns<Scalar, n>& W;
-  SpatialInertia<Scalar>& A;  ///< of what the frame carries; to A'
+  SpatialInertia<Scalar>& A;  ///< of what the frame carries; to A' if there is an inlet
   bool& positive;             ///< whether no pivot is below pivot_tolerance
 };
 
@@ -320,16 +320,18 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   }
   // Entries of D⁻¹ would round what is small of W (twice as many states over 16 ε).
   times_transposed_root(V, C, W);
-  subtract_product(V, V, reduction.A);
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) { W[d] += columns.inverse[d]; }
-  if (columns.is_S) {
-    SixColumns<Scalar, n> U;
-    inertia_times<pattern>(reduction.A, S, U);
-    reduction.A = projected<pattern>(SpatialInertia<Scalar>(reduction.A), S, U, columns.inverse);
-  } else {
-    take_across(Q, reduction.A);
-    to_columns_of_S(columns.R, C, W);
+  if (!columns.is_S) { to_columns_of_S(columns.R, C, W); }
+  if (node.inlet >= 0) {
+    subtract_product(V, V, reduction.A);
+    if (columns.is_S) {
+      SixColumns<Scalar, n> U;
+      inertia_times<pattern>(reduction.A, S, U);
+      reduction.A = projected<pattern>(SpatialInertia<Scalar>(reduction.A), S, U, columns.inverse);
+    } else {
+      take_across(Q, reduction.A);
+    }
   }
   reduction.C = C;
   square_of_root(C, reduction.D_inv);
