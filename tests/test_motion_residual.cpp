@@ -27,7 +27,7 @@ void check_second_look(WorkspaceType& ws)
   typename WorkspaceType::Data& data = ws;
   data.second_look().note_small_pivot(0);
   CHECK(data.second_look().wrong_pivot(scene.implicit, data) == -1);
-  CHECK(data.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, data));
+  CHECK(data.second_look().refine(scene.velocity, scene.gravity, scene.implicit, data));
   CHECK((ws.qdd() - qdd).norm() <= 1e-10 * qdd.norm());
 }
 

@@ -278,7 +278,7 @@ private:
     const auto spin = [&](const Scalar& inertia, const Lane& of_carrier, const Scalar* ratio) {
       Lane rate = of_carrier;
       for (int d = 0; d < n; ++d) { rate += qdd[d] * ratio[d]; }
-      add_product(rate, Lane(rate * inertia), G);
+      add_products<Lane, 1>({rate}, {Lane(rate * inertia)}, G);
     };
     for_each_rotor(node.index, [&](const RotorPart& rotor, const Scalar* ratio) {
       const bool on_inlet = rotor.frame < 0;

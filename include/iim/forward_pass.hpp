@@ -232,7 +232,7 @@ private:
   {
     if constexpr (looks_again<Data>) {
       if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
-        const bool holds = ws_.second_look().template refine<scene.velocity>(scene.gravity, scene.implicit, ws_);
+        const bool holds = ws_.second_look().refine(scene.velocity, scene.gravity, scene.implicit, ws_);
         if (holds && detail::all_finite(ws_.qdd())) { return true; }
         diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());
         return false;

@@ -129,6 +129,30 @@ template <class Scalar>
   return {Triple<Scalar>(one, zero, zero) - u * x, Triple<Scalar>(zero, one, zero) - u * y};
 }
 
+/// C_T, whose pivots are small. Whether no pivot is below pivot_tolerance, as `positive` has been.
+template <class Scalar, class Data>
+[[gnu::noinline]] bool mend_free(const Node& node, const std::array<Triple<Scalar>, 2>& b,
+                                 const TriplePair<Scalar>& S_1, const TriplePair<Scalar>& size,
+                                 const Matrix6<Scalar>& A_T, const Vector6<Scalar>& scale, bool springs, bool positive,
+                                 Data& ws, Matrix6<Scalar>& C_T)
+{
+  Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
+  b[0].put(&T(3, 3));
+  b[1].put(&T(3, 4));
+  S_1.put(&T(0, 5));
+  Vector6<Scalar> inertia = scale;
+  inertia(5) = dot(TriplePair<Scalar>(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
+  if (!positive) { root_of_inverse<Scalar, 6, true>(A_T, scale, C_T); }
+  if (!mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, springs, ws, C_T)) { return positive; }
+  positive = true;
+  for (int k = 0; k < 6; ++k) {
+    const Scalar loss = square(C_T(k, k)) * scale(k);
+    positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
+    if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
+  }
+  return positive;
+}
+
 template <Scene scene, class S, class Workspace>
 void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
                         [[maybe_unused]] const typename S::Scalar& largest_inverse)
@@ -207,21 +231,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
     } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse)) {
-      Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
-      b[0].put(&T(3, 3));
-      b[1].put(&T(3, 4));
-      S_1.put(&T(0, 5));
-      Vector6<Scalar> inertia = scale;
-      inertia(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
-      if (!positive) { root_of_inverse<Scalar, 6, true>(A_T, scale, C_T); }
-      if (mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, scene.implicit, ws, C_T)) {
-        positive = true;
-        for (int k = 0; k < 6; ++k) {
-          const Scalar loss = square(C_T(k, k)) * scale(k);
-          positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
-          if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
-        }
-      }
+      positive = mend_free(node, b, S_1, size, A_T, scale, scene.implicit, positive, ws, C_T);
     }
   }
   if (!positive) { note_small_pivot(node, ws, diagnosis); }

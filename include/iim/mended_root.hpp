@@ -245,12 +245,13 @@ auto is_enough_for_each(const Data& ws)
 {
   return
       [&ws]<class Lane, std::size_t n>(Index frame, const Motions<Lane>& motions, const std::array<Lane, n>& so_far) {
-        bool enough = true;
-#pragma GCC unroll 8
+#pragma GCC unroll 1
         for (int k = 0; k < static_cast<int>(n); ++k) {
-          enough = enough && has_digits<Scalar>(ws, frame, motions, k, Scalar(so_far[static_cast<std::size_t>(k)][k]));
+          if (!has_digits<Scalar>(ws, frame, motions, k, Scalar(so_far[static_cast<std::size_t>(k)][k]))) {
+            return false;
+          }
         }
-        return enough;
+        return true;
       };
 }
 

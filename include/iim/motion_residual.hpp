@@ -90,15 +90,15 @@ public:
     std::fill(x_.begin(), x_.end(), Scalar(0));
     for (Vector6<Scalar>& acceleration : accelerations_) { acceleration.setZero(); }
   }
-  /// δx. gravity, springs: of the scene, as is velocity. apply(f): f(frame, wrench) for what is applied to frames.
-  /// judged: `unseen` as well, which takes four times as long again.
-  template <bool velocity, bool judged = true, class Data, class Apply>
-  void compute(bool gravity, bool springs, Data& ws, Apply&& apply)
+  /// δx. velocity, gravity, springs: of the scene. apply(f): f(frame, wrench) for what is applied to frames. judged:
+  /// `unseen` as well, which takes four times as long again.
+  template <bool judged = true, class Data, class Apply>
+  void compute(bool velocity, bool gravity, bool springs, Data& ws, Apply&& apply)
   {
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       const FrameState<Scalar>& frame = ws.frame(f);
-      const Pair wrench = body_wrench<velocity>(ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega),
-                                                Pair(accelerations_[at(f)].data()));
+      const Pair wrench = body_wrench(velocity, ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega),
+                                      Pair(accelerations_[at(f)].data()));
       wrench.put(forces_[at(f)].data());
       moves_[at(f)].setZero();
       if constexpr (judged) { sizes_[at(f)] = Sizes(wrench); }
@@ -107,7 +107,7 @@ public:
       forces_[at(frame)] -= wrench;
       if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
     });
-    for (Index i = ws.tree().size(); i-- > 0;) { balance<velocity, judged>(ws.tree().node(i), gravity, springs, ws); }
+    for (Index i = ws.tree().size(); i-- > 0;) { balance<judged>(ws.tree().node(i), velocity, gravity, springs, ws); }
     for (const Node& node : ws.tree().nodes()) { follow<judged>(node, ws); }
   }
   /// x += δx.
@@ -135,8 +135,8 @@ private:
 
   /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
   /// Bu − h − M q̈ of its velocities; and M⁻¹ of it on the way inward, `move` being the wrench that h makes there.
-  template <bool velocity, bool judged, class Data>
-  void balance(const Node& node, bool gravity, bool springs, Data& ws)
+  template <bool judged, class Data>
+  void balance(const Node& node, bool velocity, bool gravity, bool springs, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
     const int n = part.n_i;
@@ -145,7 +145,7 @@ private:
     Triple<Scalar> omega = zero;  // of the inlet
     if (node.inlet >= 0) {
       y = shifted(*part.r, Pair(accelerations_[at(node.inlet)].data()));
-      if constexpr (velocity) {
+      if (velocity) {
         omega = triple(ws.frame(node.inlet).omega);
         y.linear += cross(omega, cross(omega, triple(*part.r)));
       }
@@ -174,7 +174,7 @@ private:
       const Scalar force = rotor.inertia * (dot(axis, turning) + rate_of(ratio, x));
       resist(force, ratio);
       Triple<Scalar> moment = axis * force;
-      if constexpr (velocity) {
+      if (velocity) {
         const Triple<Scalar> w = on_inlet ? omega : triple(f.omega);
         moment += cross(w, axis) * (rotor.inertia * (dot(axis, w) + rate_of(ratio, part.qd)));
       }
@@ -190,8 +190,8 @@ private:
       ws.bodies_beyond().for_each_spring(
           node.index, [&](const Scalar& inertia, const Scalar* ratio) { resist(inertia * rate_of(ratio, x), ratio); });
     }
-    to_inlet += body_wrench<velocity>(ws.tree().inlet_mass(node.index), *part.R,
-                                      Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
+    to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R,
+                            Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
     Sizes sizes;
     Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
     if constexpr (judged) {
@@ -303,9 +303,8 @@ private:
   }
 
   /// On the body of a frame that has the acceleration V̇ at its coupling point: about that point.
-  template <bool velocity>
-  static Pair body_wrench(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R, const Vector3<Scalar>& r,
-                          const Triple<Scalar>& omega, const Pair& Vdot)
+  static Pair body_wrench(bool velocity, const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
+                          const Vector3<Scalar>& r, const Triple<Scalar>& omega, const Pair& Vdot)
   {
     const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
     if (!body.present) { return {zero, zero}; }
@@ -313,7 +312,7 @@ private:
     const Triple<Scalar> centre = combined(R, triple(body.com)) + triple(r);
     Triple<Scalar> a = Vdot.linear + cross(Vdot.angular, centre);
     Triple<Scalar> moment = combined(body.central_inertia, back * Vdot.angular);
-    if constexpr (velocity) {
+    if (velocity) {
       const Triple<Scalar> own = back * omega;
       a += cross(omega, cross(omega, centre));
       moment += cross(own, combined(body.central_inertia, own));

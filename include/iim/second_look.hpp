@@ -113,9 +113,9 @@ public:
         own.by_each = moves && (time == 1 || !ws.bodies_beyond().part(own.first).is_free);
       }
       residual_.stand_still();
-      residual_.template compute<false>(false, springs, ws, [](auto&&) {});
+      residual_.compute(false, false, springs, ws, [](auto&&) {});
       residual_.add_change();
-      residual_.template compute<false>(false, springs, ws, [](auto&&) {});
+      residual_.compute(false, false, springs, ws, [](auto&&) {});
       if (!robots_hold(256, Scalar(1.0 / 4), ws)) { return worst(springs, ws); }
       note_moves(ws);
     }
@@ -123,14 +123,13 @@ public:
   }
 
   /// After the outward loop: q̈ += δq̈, and V̇ with it. Where pivots are small twice, and false if the first δq̈ is not
-  /// small, or the second not much smaller; where they are mended, once. gravity, springs: of the scene, as is
-  /// velocity. (A load that motors hold still has q̈ of roundings alone. With 1 and 16 times these instead of 64 a
-  /// quarter to a half and nine tenths of such states in float come back; the error of all stays within 16 times what
-  /// roundings of u do to q̈. Where nothing drives the robot, q̈₀ of that size is wrong: under 10⁹ times the links, axes
-  /// through two points, float, 49 of 64 states are refused so that came back, off by up to 220 %; of loads to 10⁷
-  /// none.)
-  template <bool velocity, class Data>
-  [[gnu::cold, gnu::noinline]] bool refine(bool gravity, bool springs, Data& ws)
+  /// small, or the second not much smaller; where they are mended, once. velocity, gravity, springs: of the scene. (A
+  /// load that motors hold still has q̈ of roundings alone. With 1 and 16 times these instead of 64 a quarter to a half
+  /// and nine tenths of such states in float come back; the error of all stays within 16 times what roundings of u do
+  /// to q̈. Where nothing drives the robot, q̈₀ of that size is wrong: under 10⁹ times the links, axes through two
+  /// points, float, 49 of 64 states are refused so that came back, off by up to 220 %; of loads to 10⁷ none.)
+  template <class Data>
+  [[gnu::cold, gnu::noinline]] bool refine(bool velocity, bool gravity, bool springs, Data& ws)
   {
     if (is_needed()) {
       find_robots(ws);
@@ -148,13 +147,13 @@ public:
       bool driven = !touched_.empty();
       for (Index v = 0; v < ws.tree().n_v(); ++v) { driven |= !(residual_.load(v) == Scalar(0)); }
       for (const int smaller : {16, 256}) {
-        residual_.template compute<velocity>(gravity, springs, ws, apply);
+        residual_.compute(velocity, gravity, springs, ws, apply);
         const bool with_roundings = driven || smaller == 16;
         if (!robots_hold(smaller, Scalar(with_roundings ? 64 : 0), ws)) { return false; }
         residual_.add_change();
       }
     } else {
-      residual_.template compute<velocity, false>(gravity, springs, ws, apply);
+      residual_.template compute<false>(velocity, gravity, springs, ws, apply);
       residual_.add_change();
     }
     for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = residual_.x(v); }
