@@ -191,6 +191,7 @@ TEST_CASE("overflow is reported, not passed on", "[status]")
   const Eigen::MatrixXd Bhat = good.Bhat;
   const auto over = cycle(q, Eigen::Vector2d(1e200, -1e200));
   CHECK(over.status == Status::not_finite);
+  CHECK(over.subsystem == -1);
   CHECK(over.qdd0.array().isNaN().all());
   CHECK(over.Bhat.array().isNaN().all());
   CHECK(cycle(q, Eigen::Vector2d(1, 2)).Bhat == Bhat);

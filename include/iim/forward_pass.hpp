@@ -144,7 +144,7 @@ protected:
   {
     if (diagnosis_.status == Status::ok) {
       if (!detail::all_finite(ws_.qdd())) {
-        diagnosis_.fail(Status::not_finite, first_not_finite());
+        diagnosis_.fail(Status::not_finite, -1);  // it spreads to the root, wherever it began
       } else if (holds()) {
         return;
       }
@@ -165,8 +165,8 @@ private:
     FrameState<Scalar>& f = ws_.frame(node.frame);
     TriplePair<Scalar> y = shifted(state.r, axis.rest);
     if constexpr (scene.velocity) { y.linear += triple(state.c); }
-    const Scalar slip = axis.slip * axis.rate, qdd = slip - state.psi(0) - dot(gain(state, 0), y);
-    ws_.qdd()(node.v) = qdd - axis.rate;
+    const Scalar rest = Scalar(0) - state.psi(0) - dot(gain(state, 0), y), qdd = rest + axis.slip * axis.rate;
+    ws_.qdd()(node.v) = rest - axis.undone * axis.rate;
     if constexpr (has_bias<scene, S>(0)) { y.linear += Triple<Scalar>(f.bias.data()); }
     if constexpr (has_bias<scene, S>(3)) { y.angular += Triple<Scalar>(f.bias.data() + 3); }
     y += TriplePair<Scalar>(state.S_k[0].data()) * qdd;
@@ -239,15 +239,6 @@ private:
       }
     }
     return true;
-  }
-
-  Index first_not_finite() const
-  {
-    for (const Node& node : ws_.tree().nodes()) {
-      const Index own_end = node.subtree_end > node.index + 1 ? ws_.tree().node(node.index + 1).v : node.v_end;
-      if (!detail::all_finite(ws_.qdd().segment(node.v, own_end - node.v))) { return node.index; }
-    }
-    return -1;
   }
 };
 

@@ -118,10 +118,7 @@ template <Scene scene, class S, class Workspace>
     }
   };
 #pragma GCC unroll 8
-  for (int d = 0; d < n_i; ++d) {
-    hq(d) = -ws.load()(node.v + d);
-    scale(d) = Scalar(0);
-  }
+  for (int d = 0; d < n_i; ++d) { hq(d) = scale(d) = Scalar(0); }
 #pragma GCC unroll 2
   for (int k = 0; k < n_frames; ++k) {
     const auto at = static_cast<std::size_t>(k);
@@ -198,6 +195,9 @@ template <Scene scene, class S, class Workspace>
     }
   }
 
+  [[maybe_unused]] const VectorI unloaded = hq;
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { hq(d) -= ws.load()(node.v + d); }
   bool weak = loses(D, scale);
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
@@ -310,7 +310,7 @@ template <Scene scene, class S, class Workspace>
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
   if constexpr (turns_about_axis<S>()) {
     FreeAxis<Scalar>* const axis = ws.axis_of(node.index);
-    if (axis != nullptr) [[unlikely]] { keep_axis<scene>(node, s, state, spun, hq(0), ws, *axis); }
+    if (axis != nullptr) [[unlikely]] { keep_axis<scene>(node, s, state, spun, unloaded(0), ws, *axis); }
   }
   FrameState<Scalar>& inlet = ws.frame(receiver);
   hand_on<scene>(A, hg, state.c, state.r, inlet);

@@ -233,7 +233,7 @@ protected:
   {
     const Index last = node.path_v - 1;
     const Scalar slip = axis.last * axis.slip;
-    rows_(step.L + last) -= axis.last - slip;
+    rows_(step.L + last) -= axis.last * axis.undone;
     Scalar* const column = component(H_.data() + step.frame, last);
     for (int c = 0; c < 6 && step.hands_on; ++c) { column[c * lanes] += S(c) * slip; }
   }

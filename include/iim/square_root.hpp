@@ -136,7 +136,8 @@ struct FreeAxis {
   Scalar last = Scalar(0);
   Vector6<Scalar> rest = Vector6<Scalar>::Zero();  ///< of the O(n) pass, V̇ = rest + S·rate
   Scalar rate = Scalar(0);
-  Scalar slip = Scalar(0);  ///< of the child 1 − W S: what rotors and springs within hold
+  Scalar slip = Scalar(0);    ///< of the child 1 − W S: what rotors and springs within hold
+  Scalar undone = Scalar(1);  ///< W S
 };
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in RootInertia::G
 

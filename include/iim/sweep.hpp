@@ -92,7 +92,9 @@ protected:
           });
         }
       });
-      if (axis != nullptr) [[unlikely]] { along_[at(node.frame)] = share + tau[0] * axis->slip; }
+      if (axis != nullptr) [[unlikely]] {  // a column has a share or what comes from beyond, not both
+        along_[at(node.frame)] = (tau[0] + share) * axis->slip + share * axis->undone;
+      }
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
         for_each_velocity<n_i - 1, Scalar>(
@@ -159,7 +161,7 @@ protected:
         if (reach_[at(node.parent)] == acted) {
           copy(applied(node.frame), y);
           slip = along_[at(node.frame)] * axis->slip;
-          undone = along_[at(node.frame)] - slip;
+          undone = along_[at(node.frame)] * axis->undone;
         } else {
           clear(y);
         }
