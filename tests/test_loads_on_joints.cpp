@@ -163,6 +163,26 @@ TEST_CASE("a load on parallel axes that lie obliquely in the world")
   }
 }
 
+TEST_CASE("a load in the plane of seven parallel joints")
+{
+  for (const double load : {1e2, 1e3, 1e4}) {
+    CAPTURE(load);
+    const Errors found = errors(10, [&](test::Random& random) {
+      Parts<double> parts;
+      const test::Vec3 axis = random.unit();
+      std::string parent = "world";
+      for (int k = 0; k < 7; ++k) {
+        const Attachment<double> on{parent, test::Mat3::Identity(), random.vector(0.4)};
+        parent = "link" + std::to_string(k);
+        parts.add(parent, on, RevoluteLink<double>{{axis}, times(random.body(), k == 6 ? load : 1)});
+      }
+      return parts;
+    });
+    CHECK(found.over <= found.states / 20);  // 15 of 100 where pivots are mended from 1/256 on
+    CHECK(found.Bhat < 300);
+  }
+}
+
 TEST_CASE("a limb with a load beside forty light fingers")
 {
   for (const bool fingers_first : {false, true}) {
