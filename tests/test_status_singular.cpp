@@ -25,7 +25,7 @@ bool passes(const Parts& parts, std::uint64_t seed)
 {
   const auto assembly = test::in<Scalar>(parts);
   const DynamicTree tree(assembly);
-  Workspace<std::remove_const_t<decltype(tree)>, update> ws(tree);
+  Workspace<decltype(tree), update> ws(tree);
   test::Random random(seed);
   const test::RandomState x = test::random_state(tree, 0, random);
   return forward_dynamics(x.q.cast<Scalar>().eval(), x.qd.cast<Scalar>().eval(), ws).ok();

@@ -213,6 +213,7 @@ TEST_CASE("tasks say what is wrong with them", "[task]")
   StandardAssembly<double> assembly;
   RevoluteLink<double> link;
   link.body.mass = 1;
+  link.body.com = {0.5, 0, 0};
   assembly.add("arm", {}, link);
   assembly.add_frame("hand", {"arm", Mat3::Identity(), {1, 0, 0}});
   assembly.add_frame("table", {"world", Mat3::Identity(), {1, 0, 0}});
@@ -225,6 +226,11 @@ TEST_CASE("tasks say what is wrong with them", "[task]")
   REQUIRE_THROWS_WITH(tasks.add_point("hand", {0, std::numeric_limits<double>::infinity(), 0}),
                       ContainsSubstring("'hand'") && ContainsSubstring("inf"));
   REQUIRE(tasks.blocks() == 0);
+  Workspace<Tree> ws(tree);
+  const Eigen::VectorXd q = neutral(tree), qd = Eigen::VectorXd::Ones(1);
+  const auto no_rows = tasks(forward_dynamics(q, qd, ws));
+  REQUIRE(no_rows.ok());
+  REQUIRE((no_rows.J * qd).size() == 0);
   REQUIRE(tasks.add_point("hand") == 0);
 
   StandardAssembly<double> empty;

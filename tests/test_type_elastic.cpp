@@ -47,7 +47,7 @@ TEST_CASE("An elastic motor-arm obeys the laws")
   const LawReport report = check_laws(random_elastic(random), options);
   INFO(report.text());
   CHECK(report.ok());
-  CHECK(report.laws.size() == 12);
+  CHECK(report.laws.size() == 13);
 }
 
 TEST_CASE("An elastic drive is a rotor and an arm with a spring between them")

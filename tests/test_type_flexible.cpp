@@ -40,7 +40,7 @@ TEST_CASE("A flexible link obeys the laws, with large deflections and shortening
   const LawReport report = check_laws(random_beam(random), options);
   INFO(report.text());
   CHECK(report.ok());
-  CHECK(report.laws.size() == 12);
+  CHECK(report.laws.size() == 13);
 }
 
 TEST_CASE("So does one on a joint that slides, whose motion is given about its own origin")

@@ -22,7 +22,8 @@ enum class Defect {
   leak,
   light,
   unknown_spring,
-  unknown_damper
+  unknown_damper,
+  off_centre
 };
 
 /// A sprung universal joint with a rotor, and a defect.
@@ -43,6 +44,7 @@ struct Suspect {
     if (defect == Defect::slow_frame) { frames[0].S *= 1 - 1e-7; }
     if (defect == Defect::no_bias) { frames[0].bias *= 1 - 1e-7; }
     if (defect == Defect::world_bound) { frames[0].S(5, 0) += 1e-7; }
+    if (defect == Defect::off_centre) { frames[0].r(1) = 1e-7; }
     return ok;
   }
   std::array<CarriedBody<double>, 1> bodies() const { return {{{0, body}}}; }
@@ -94,7 +96,7 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   const LawReport sound = report_of(Defect::none);
   INFO(sound.text());
   CHECK(sound.ok());
-  CHECK(sound.laws.size() == 12);
+  CHECK(sound.laws.size() == 13);
 
   CHECK(broken(report_of(Defect::asymmetric_spring)) == std::vector<std::string>{"stored energy"});
   CHECK(broken(report_of(Defect::leak)) == std::vector<std::string>{"stored energy"});
@@ -109,6 +111,7 @@ TEST_CASE("A sound type obeys the laws, a defective one does not")
   CHECK(has(Defect::world_bound, "velocity"));
   CHECK(has(Defect::world_bound, "invariance"));
   CHECK(has(Defect::light, "inertia"));
+  CHECK(has(Defect::off_centre, "motion pattern"));
   CHECK(broken(report_of(Defect::unknown_spring)) == std::vector<std::string>{"springs"});
   CHECK(broken(report_of(Defect::unknown_damper)) == std::vector<std::string>{"springs"});
 

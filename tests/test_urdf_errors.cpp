@@ -97,8 +97,11 @@ TEST_CASE("files that are no URDF")
          {"cut off", "<robot name='r'>\n<link name='a'>\n", {"r.urdf:", "not an XML file"}},
          {"other root", "<sdf version='1.6'/>", {"r.urdf: not a URDF file", "<sdf>", "<robot>"}},
          {"unexpanded", robot_xml("continuous", "", "<xacro:leg side='left'/>"), {"r.urdf:5", "xacro:leg"}},
-         {"no name", "<robot><link name='a'/></robot>", {"r.urdf", "name"}},
+         {"no name", "<robot><link name='a'/></robot>", {"r.urdf:1: robot ''", "name"}},
          {"no links", "<robot name='r'/>", {"r.urdf", "link"}},
+         {"two roots", "<robot name='r'>\n<link name='a'/>\n<link name='b'/></robot>", {"r.urdf:", "link 'a'", "[b]"}},
+         {"no limits", robot_xml("revolute"), {"r.urdf:", "joint 'j'"}},
+         {"malformed", robot_xml("continuous", "<origin xyz='0 0'/>"), {"r.urdf:", "joint 'j'", "origin"}},
          {"version", "<robot name='r' version='9.0'><link name='a'/></robot>", {"r.urdf", "version"}}});
 }
 

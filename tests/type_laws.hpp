@@ -18,7 +18,7 @@ void obeys_the_laws(const std::string& name, const S& part, const LawOptions<S>&
   INFO(name << ", seed " << options.seed << "\n" << report.text());
   CHECK(report.ok());
   // Inertia, velocity, acceleration, recursion, equations, power, linear in u, invariance, static tree, square root.
-  CHECK(report.laws.size() == (S::n_i > 0 ? 10 : 9) + stored);
+  CHECK(report.laws.size() == (S::n_i > 0 ? 11 : 10) + stored);
 }
 
 }  // namespace iim::test

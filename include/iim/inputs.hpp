@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <type_traits>
 
 namespace iim {
 
@@ -106,7 +107,11 @@ public:
     return max_columns_;
   }
   Index blocks() const { return static_cast<Index>(blocks_.size()); }
-  const Input<Scalar>& block(Id id) const { return blocks_[static_cast<std::size_t>(id)]; }
+  const Input<Scalar>& block(Id id) const
+  {
+    assert(id >= 0 && id < blocks() && "no such input");
+    return blocks_[static_cast<std::size_t>(id)];
+  }
 
   /// First column of a block in B̂; −1 while it is inactive.
   Index column(Id id) const
@@ -201,6 +206,7 @@ private:
 /// where it is.
 template <class Tree>
 class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
+  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
   using Blocks = detail::InputBlocks<typename Tree::Scalar>;
 
 public:

@@ -7,6 +7,7 @@
 // The laws see motion(), bodies(), rotors(), internal_force() and Bbar() from outside: positions are differenced,
 // energies summed.
 //
+//     motion pattern     motion() leaves zero what S::pattern says that it does
 //     inertia            M̄_i is symmetric, the sum over bodies and rotors, without negative eigenvalue, and its q̇ block
 //                        is positive definite (a point mass has no more: no motion about it costs energy)
 //     velocity           frames move with [1 S_k], as differences of their placements say
@@ -29,6 +30,7 @@
 #include <iim/subsystem_matrices.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
@@ -95,6 +97,7 @@ private:
     const Vec qdd = forward_dynamics(q_, qd_, robot_.inputs, u_, robot_.ws).qdd;
     const auto receipt = forward_dynamics(q_, qd_, robot_.ws);
     const auto answer = robot_.method(receipt);
+    check_pattern();
     if (!answer.ok()) {
       const Coordinates<S> q_i = q_.template segment<S::n_q>(node_.q);
       report_.failure = "state " + std::to_string(at_) + ", q_i = " + to_text(q_i) + ": " + to_string(answer.status);
@@ -147,6 +150,36 @@ private:
     for (Index k = 0; k < S::n_i; ++k) { velocity(node_.v + k) = random_(-options_.range, options_.range); }
     from = moved(tree, from, velocity, Vec::Zero(tree.n_v()), 1.0);
     q_.template segment<S::n_q>(node_.q) = from.template segment<S::n_q>(node_.q);
+  }
+
+  /// At the inlet's last orientation.
+  void check_pattern()
+  {
+    std::array<Matrix3<double>, S::n_frames> R{};
+    std::array<Vector3<double>, S::n_frames> r{};
+    std::array<Eigen::Matrix<double, 6, S::n_i>, S::n_frames> S_k{};
+    std::array<Vector6<double>, S::n_frames> bias{};
+    for (std::size_t k = 0; k < R.size(); ++k) {
+      R[k].setZero();
+      r[k].setZero();
+      S_k[k].setZero();
+      bias[k].setZero();
+    }
+    auto frames = [&]<std::size_t... K>(std::index_sequence<K...>) {
+      return std::array<FrameMotion<double, S::n_i>, sizeof...(K)>{
+          FrameMotion<double, S::n_i>{R[K], r[K], S_k[K], bias[K]}...};
+    }(std::make_index_sequence<S::n_frames>());
+    const Coordinates<S> q_i = q_.template segment<S::n_q>(node_.q);
+    const Velocities<S> qd_i = qd_.template segment<S::n_i>(node_.v);
+    if (!part_.motion(robot_.ws.frame(node_.inlet).R, q_i, qd_i, frames)) { return; }
+    double written = 0;
+    for (std::size_t k = 0; k < R.size(); ++k) {
+      if (!S::pattern.linear) { written = largest({written, S_k[k].template topRows<3>().norm()}); }
+      if (!S::pattern.angular) { written = largest({written, S_k[k].template bottomRows<3>().norm()}); }
+      if (!S::pattern.offset) { written = largest({written, r[k].norm()}); }
+      if (!S::pattern.bias) { written = largest({written, bias[k].norm()}); }
+    }
+    hold("motion pattern", written, 0);
   }
 
   /// All that differences along q̇(t) = q̇ + q̈ t can say, and the power of inputs and internal forces.

@@ -75,6 +75,8 @@ struct TaskRows {
 /// gets.
 template <class Tree, Scene scene = Scene{}>
 class Tasks {
+  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
+
 public:
   using Scalar = typename Tree::Scalar;
   using Id = Index;  ///< number of a block, in the order of adding
@@ -82,7 +84,8 @@ public:
   /// With room for J_t B̂ of these inputs.
   Tasks(const Tree& tree, const Inputs<Tree>& inputs) : tree_(&tree), inputs_(&inputs), centroidal_(tree)
   {
-    inputs.max_columns_on(tree);
+    J_.resize(0, tree.n_v());
+    JB_.resize(0, inputs.max_columns_on(tree));
   }
   Tasks(const Tree&&, const Inputs<Tree>&) = delete;
   Tasks(const Tree&, const Inputs<Tree>&&) = delete;
@@ -121,7 +124,11 @@ public:
   Index rows() const { return rows_; }          ///< active rows
   Index max_rows() const { return max_rows_; }  ///< rows if all blocks are active
   Index blocks() const { return static_cast<Index>(tasks_.size()); }
-  const Task<Scalar>& block(Id id) const { return tasks_[static_cast<std::size_t>(id)]; }
+  const Task<Scalar>& block(Id id) const
+  {
+    assert(id >= 0 && id < blocks() && "no such task");
+    return tasks_[static_cast<std::size_t>(id)];
+  }
   const Scalar& mass() const { return centroidal_.mass(); }  ///< of all bodies in the tree [kg]
 
   /// First row of a block; −1 while it is inactive.

@@ -54,7 +54,7 @@ UrdfRobot<Scalar> parse_urdf(const std::string& text, const UrdfOptions<Scalar>&
     UrdfRobot<Scalar> robot;
     std::map<std::string, file::Transmission> transmissions;
     if (options.transmissions) { transmissions = file::read_transmissions(*root, source, robot.warnings); }
-    const auto model = file::read_model(file::text_of(document), name, robot.warnings);
+    const auto model = file::read_model(file::text_of(document), *root, source, robot.warnings);
     robot.name = model->getName();
     std::map<std::string, UrdfMotor<Scalar>> motors = options.motors;
     for (const auto& [joint, read] : transmissions) {
@@ -78,7 +78,8 @@ UrdfRobot<Scalar> load_urdf(const std::string& path, const UrdfOptions<Scalar>& 
 {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
-  if (!file || !(text << file.rdbuf())) { throw ModelError("cannot read the URDF file '" + path + "'"); }
+  const bool is_empty = file.peek() == std::ifstream::traits_type::eof() && file.eof() && !file.bad();
+  if (!is_empty && (!file || !(text << file.rdbuf()))) { throw ModelError("cannot read the URDF file '" + path + "'"); }
   return parse_urdf<Scalar>(text.str(), options, path);
 }
 

@@ -367,8 +367,23 @@ inline std::map<std::string, Transmission> read_transmissions(const Element& rob
   return motors;
 }
 
-/// urdfdom's model of a text. Throws ModelError with what urdfdom says if there is none; else leaves it in `warnings`.
-inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const std::string& name,
+/// Line and item that urdfdom speaks of, as in «Malformed parent origin element for joint [elbow]»; else the robot's.
+inline std::string item_of(const std::string& said, const Element& robot, const Source& source)
+{
+  for (std::size_t open = said.find('['); open != std::string::npos; open = said.find('[', open + 1)) {
+    const std::size_t close = said.find(']', open);
+    if (close == std::string::npos) { break; }
+    const std::string item = said.substr(open + 1, close - open - 1);
+    const bool is_link = said.substr(0, open).ends_with("link ");
+    if (source.joints.contains(item) && !is_link) { return source.joint(item); }
+    if (source.links.contains(item)) { return source.link(item); }
+  }
+  return source.at(row(robot)) + "robot '" + attribute(robot, "name") + "'";
+}
+
+/// urdfdom's model of a text, whose root element is `robot`. Throws ModelError with what urdfdom says if there is none;
+/// else leaves it in `warnings`.
+inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const Element& robot, const Source& source,
                                                 std::vector<std::string>& warnings)
 {
   urdf::ModelInterfaceSharedPtr model;
@@ -380,7 +395,7 @@ inline urdf::ModelInterfaceSharedPtr read_model(const std::string& text, const s
     reasons = std::string(": ") + e.what();
   }
   for (const std::string& message : messages.texts()) { reasons += ": " + message; }
-  if (!model) { throw ModelError(name + reasons); }
+  if (!model) { throw ModelError(item_of(reasons, robot, source) + reasons); }
   warnings.insert(warnings.end(), messages.texts().begin(), messages.texts().end());
   return model;
 }

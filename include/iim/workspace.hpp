@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <type_traits>
 
 namespace iim {
 
@@ -245,7 +246,7 @@ protected:
 template <class TreeType, Update update_ = Update::projected>
 class Workspace : public detail::WorkspaceData<typename TreeType::Scalar, update_> {
 public:
-  using Tree = TreeType;
+  using Tree = std::remove_const_t<TreeType>;
   using Scalar = typename Tree::Scalar;
   using Data = detail::WorkspaceData<Scalar, update_>;
   using Data::update;

@@ -37,7 +37,7 @@ struct UnitAxis {
     using std::sqrt;
     const Scalar norm = sqrt(axis.squaredNorm());
     if (!all_finite(axis) || !(norm > Scalar(1 - 1e-6)) || !(norm < Scalar(1 + 1e-6))) {
-      throw ModelError(owner + ": axis must be a unit vector, got " + to_text(axis));
+      throw ModelError(owner + ": axis must be a unit vector, got " + to_text(axis) + " of length " + to_text(norm));
     }
     direction /= norm;
     for (int k = 0; k < 3; ++k) {
