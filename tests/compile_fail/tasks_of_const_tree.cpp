@@ -1,5 +1,5 @@
 // Of a tree that is declared const, decltype(tree) is no tree type.
-// EXPECT: static assertion.*the tree's type without const
+// EXPECT: the tree's type without const
 #include <iim/iim.hpp>
 #include <iim/task.hpp>
 
