@@ -63,6 +63,22 @@ Parts<double> chain(const std::vector<Kind>& kinds, double load, test::Random& r
   return parts;
 }
 
+/// Links of which the first `parallel` turn about one direction, the last `load` times as heavy.
+Parts<double> on_parallel_axes(int parallel, int links, double load, test::Random& random)
+{
+  Parts<double> parts;
+  const test::Vec3 axis = random.unit();
+  std::string parent = "world";
+  for (int k = 0; k < links; ++k) {
+    const Attachment<double> on{parent, test::Mat3::Identity(), random.vector(0.4)};
+    parent = "link" + std::to_string(k);
+    parts.add(
+        parent, on,
+        RevoluteLink<double>{{k < parallel ? axis : random.axis()}, times(random.body(), k + 1 == links ? load : 1)});
+  }
+  return parts;
+}
+
 /// Of B̂ and q̈₀ [ε].
 struct Errors {
   double Bhat = 0, qdd0 = 0;  ///< the largest
@@ -146,18 +162,7 @@ TEST_CASE("a load on parallel axes that lie obliquely in the world")
 {
   for (const double load : {1e3, 1e6, 1e9}) {
     CAPTURE(load);
-    const Errors found = errors(10, [&](test::Random& random) {
-      Parts<double> parts;
-      const test::Vec3 axis = random.unit();
-      std::string parent = "world";
-      for (int k = 0; k < 9; ++k) {
-        const Attachment<double> on{parent, test::Mat3::Identity(), random.vector(0.4)};
-        parent = "link" + std::to_string(k);
-        parts.add(parent, on,
-                  RevoluteLink<double>{{k < 6 ? axis : random.axis()}, times(random.body(), k == 8 ? load : 1)});
-      }
-      return parts;
-    });
+    const Errors found = errors(10, [&](test::Random& random) { return on_parallel_axes(6, 9, load, random); });
     CHECK(found.over <= found.states / 3);
     CHECK(found.Bhat < 1e5);  // 3 × 10⁴, 9 × 10⁷ with pivots as they are
   }
@@ -167,17 +172,7 @@ TEST_CASE("a load in the plane of seven parallel joints")
 {
   for (const double load : {1e2, 1e3, 1e4}) {
     CAPTURE(load);
-    const Errors found = errors(10, [&](test::Random& random) {
-      Parts<double> parts;
-      const test::Vec3 axis = random.unit();
-      std::string parent = "world";
-      for (int k = 0; k < 7; ++k) {
-        const Attachment<double> on{parent, test::Mat3::Identity(), random.vector(0.4)};
-        parent = "link" + std::to_string(k);
-        parts.add(parent, on, RevoluteLink<double>{{axis}, times(random.body(), k == 6 ? load : 1)});
-      }
-      return parts;
-    });
+    const Errors found = errors(10, [&](test::Random& random) { return on_parallel_axes(7, 7, load, random); });
     CHECK(found.over <= found.states / 20);  // 15 of 100 where pivots are mended from 1/256 on
     CHECK(found.Bhat < 300);
   }

@@ -90,6 +90,28 @@ template <class Scalar>
   all.h.put(f.h.data());
 }
 
+/// The bodies that a subsystem has on its inlet. (Few have any: called.)
+template <bool velocity, class Scalar>
+[[gnu::noinline]] Carried<Scalar> bodies_on_inlet(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
+                                                  const Vector3<Scalar>& omega)
+{
+  Carried<Scalar> own;
+  const Triple<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
+  place_bodies<false, velocity>(body, R, at_inlet, Triple<Scalar>::settled(omega.data()), own.A, own.h);
+  return own;
+}
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline void add_inlet_bodies(const Node& node, const NodeState<S>& state, const Workspace& ws,
+                                                    SpatialInertia<typename S::Scalar>& A,
+                                                    TriplePair<typename S::Scalar>& h)
+{
+  const FrameMass<typename S::Scalar>& body = ws.tree().inlet_mass(node.index);
+  if (!body.present) { return; }
+  const auto own = bodies_on_inlet<scene.velocity>(body, state.R, ws.frame(node.inlet).omega);
+  A += own.A;
+  h += own.h;
+}
+
 /// A S of the frame's own bodies, of a joint that moves it along one column.
 template <class S>
 [[gnu::always_inline]] inline TriplePair<typename S::Scalar> own_column(const NodeState<S>& state,

@@ -44,17 +44,43 @@ template <class Scalar>
   return x * x;
 }
 
-/// The axis of the limb's first joint s, at its step inward: h_q: its bias force without the load; A_body, h_body: of
-/// its bodies on the inlet.
-template <Scene scene, class S>
-[[gnu::noinline]] void set_axis(const S& s, const NodeState<S>& state,
-                                const std::array<SpunRotor<S>, static_cast<std::size_t>(rotor_count<S>())>& spun,
-                                const typename S::Scalar& h_q, const typename S::Scalar& load,
-                                const SpatialInertia<typename S::Scalar>& A_body,
-                                const TriplePair<typename S::Scalar>& h_body, FreeAxis<typename S::Scalar>& axis)
+/// To what the child of the axis hands on, A, h and size of what else the frame f carries.
+template <class Scalar>
+[[gnu::always_inline]] inline void complete_axis(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& h,
+                                                 FreeAxis<Scalar>& axis)
+{
+  const TriplePair<Scalar> S(axis.S.data());
+  TriplePair<Scalar> a(axis.held.data());
+  a += A.of_linear(S.linear);
+  a += A.of_angular(S.angular);
+  a.put(axis.held.data());
+  axis.force += dot(S, h);
+}
+template <class Scalar>
+[[gnu::always_inline]] inline void complete_axis(const FrameState<Scalar>& f, FreeAxis<Scalar>& axis)
+{
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  axis.size = {zero, zero};
+  axis.loss = Scalar(0);
+  if (!f.arrived) { return; }
+  complete_axis(f.A, TriplePair<Scalar>(f.h.data()), axis);
+  axis.size = largest(f, f.A);
+  if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.loss); }
+}
+
+/// The axis of the limb's first joint s, at its step inward. h_q: its bias force without the load.
+template <Scene scene, class S, class Workspace>
+[[gnu::noinline]] void set_axis(const Node& node, const S& s, const NodeState<S>& state, const SpunRotors<S>& spun,
+                                const typename S::Scalar& h_q, Workspace& ws, FreeAxis<typename S::Scalar>& axis)
 {
   using Scalar = typename S::Scalar;
   static_assert(S::n_i == 1 && S::n_frames == 1);
+  const Scalar load = ws.load()(node.v);
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  SpatialInertia<Scalar> A_body;  // on the inlet
+  TriplePair<Scalar> h_body(zero, zero);
+  A_body.set_zero();
+  add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
   const TriplePair<Scalar> own(state.S_k[0].data()), W(state.W.data());
   TriplePair<Scalar> held = A_body.of_linear(own.linear);
   held += A_body.of_angular(own.angular);
@@ -80,8 +106,7 @@ template <Scene scene, class S>
     }
   }
   if constexpr (scene.implicit) {
-    const Triple<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
-    for (const auto& spring : state.springs) { hold(spring.inertia, none, spring.ratio(0)); }
+    for (const auto& spring : state.springs) { hold(spring.inertia, zero, spring.ratio(0)); }
   }
   axis.slip = left * state.MbarR_inv(0, 0);
   // (Stiff springs and geared rotors hold nearly all: of 1 − slip nothing would be left. Ratio 10³ on a rotor of 10⁻²
@@ -95,30 +120,7 @@ template <Scene scene, class S>
   TriplePair<Scalar> S_free = own;
   S_free.linear = own.linear - cross(own.angular, triple(state.r));
   S_free.put(axis.S.data());
-}
-
-/// To what the child of the axis hands on, A, h and size of what else the frame f carries.
-template <class Scalar>
-[[gnu::always_inline]] inline void complete_axis(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& h,
-                                                 FreeAxis<Scalar>& axis)
-{
-  const TriplePair<Scalar> S(axis.S.data());
-  TriplePair<Scalar> a(axis.held.data());
-  a += A.of_linear(S.linear);
-  a += A.of_angular(S.angular);
-  a.put(axis.held.data());
-  axis.force += dot(S, h);
-}
-template <class Scalar>
-[[gnu::always_inline]] inline void complete_axis(const FrameState<Scalar>& f, FreeAxis<Scalar>& axis)
-{
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  axis.size = {zero, zero};
-  axis.loss = Scalar(0);
-  if (!f.arrived) { return; }
-  complete_axis(f.A, TriplePair<Scalar>(f.h.data()), axis);
-  axis.size = largest(f, f.A);
-  if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.loss); }
+  if (axis.receiver < 0) { complete_axis(ws.frame(node.inlet), axis); }
 }
 
 /// Two directions across the unit vector a: columns of the reflection that takes it to ∓e₃.

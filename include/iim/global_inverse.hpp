@@ -15,7 +15,6 @@
 #include <iim/workspace.hpp>
 
 #include <algorithm>
-#include <type_traits>
 
 namespace iim {
 
@@ -31,8 +30,6 @@ enum class Factorization {
 /// Of the O(n) pass it needs the kinematics only: method(q, q̇, workspace) does without the rest.
 template <class Tree, Factorization factorization = Factorization::branch_sparse, Scene scene = Scene{}>
 class GlobalInverse {
-  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
-
 public:
   using Scalar = typename Tree::Scalar;
 

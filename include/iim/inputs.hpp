@@ -206,6 +206,7 @@ private:
 /// where it is.
 template <class Tree>
 class Inputs : public detail::InputBlocks<typename Tree::Scalar> {
+  // (Of methods, too, whose constructors take these.)
   static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
   using Blocks = detail::InputBlocks<typename Tree::Scalar>;
 

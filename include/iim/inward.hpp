@@ -24,43 +24,6 @@
 
 namespace iim::detail {
 
-/// Matrix form: the bodies that a subsystem has on its inlet. (Few have any: called.)
-template <bool velocity, class Scalar>
-[[gnu::noinline]] Carried<Scalar> bodies_on_inlet(const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
-                                                  const Vector3<Scalar>& omega)
-{
-  Carried<Scalar> own;
-  const Triple<Scalar> at_inlet(Scalar(0), Scalar(0), Scalar(0));
-  place_bodies<false, velocity>(body, R, at_inlet, Triple<Scalar>::settled(omega.data()), own.A, own.h);
-  return own;
-}
-template <Scene scene, class S, class Workspace>
-[[gnu::always_inline]] inline void add_inlet_bodies(const Node& node, const NodeState<S>& state, const Workspace& ws,
-                                                    SpatialInertia<typename S::Scalar>& A,
-                                                    TriplePair<typename S::Scalar>& h)
-{
-  const FrameMass<typename S::Scalar>& body = ws.tree().inlet_mass(node.index);
-  if (!body.present) { return; }
-  const auto own = bodies_on_inlet<scene.velocity>(body, state.R, ws.frame(node.inlet).omega);
-  A += own.A;
-  h += own.h;
-}
-
-/// For the free subsystem that carries this one: its axis.
-template <Scene scene, class S, class Workspace>
-[[gnu::noinline]] void keep_axis(const Node& node, const S& s, const NodeState<S>& state, const SpunRotors<S>& spun,
-                                 const typename S::Scalar& h_q, Workspace& ws, FreeAxis<typename S::Scalar>& axis)
-{
-  using Scalar = typename S::Scalar;
-  SpatialInertia<Scalar> A_body;
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  TriplePair<Scalar> h_body(zero, zero);
-  A_body.set_zero();
-  add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
-  set_axis<scene, S>(s, state, spun, h_q, ws.load()(node.v), A_body, h_body, axis);
-  if (axis.receiver < 0) { complete_axis(ws.frame(node.inlet), axis); }
-}
-
 /// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling
 /// point that comes with the inlet turning.
 template <Scene scene, class Scalar>
@@ -310,7 +273,7 @@ template <Scene scene, class S, class Workspace>
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
   if constexpr (turns_about_axis<S>()) {
     FreeAxis<Scalar>* const axis = ws.axis_of(node.index);
-    if (axis != nullptr) [[unlikely]] { keep_axis<scene>(node, s, state, spun, unloaded(0), ws, *axis); }
+    if (axis != nullptr) [[unlikely]] { set_axis<scene>(node, s, state, spun, unloaded(0), ws, *axis); }
   }
   FrameState<Scalar>& inlet = ws.frame(receiver);
   hand_on<scene>(A, hg, state.c, state.r, inlet);

@@ -155,16 +155,14 @@ private:
   /// At the inlet's last orientation.
   void check_pattern()
   {
-    std::array<Matrix3<double>, S::n_frames> R{};
-    std::array<Vector3<double>, S::n_frames> r{};
-    std::array<Eigen::Matrix<double, 6, S::n_i>, S::n_frames> S_k{};
-    std::array<Vector6<double>, S::n_frames> bias{};
-    for (std::size_t k = 0; k < R.size(); ++k) {
-      R[k].setZero();
-      r[k].setZero();
-      S_k[k].setZero();
-      bias[k].setZero();
-    }
+    std::array<Matrix3<double>, S::n_frames> R;
+    std::array<Vector3<double>, S::n_frames> r;
+    std::array<Eigen::Matrix<double, 6, S::n_i>, S::n_frames> S_k;
+    std::array<Vector6<double>, S::n_frames> bias;
+    R.fill(Matrix3<double>::Zero());
+    r.fill(Vector3<double>::Zero());
+    S_k.fill(Eigen::Matrix<double, 6, S::n_i>::Zero());
+    bias.fill(Vector6<double>::Zero());
     auto frames = [&]<std::size_t... K>(std::index_sequence<K...>) {
       return std::array<FrameMotion<double, S::n_i>, sizeof...(K)>{
           FrameMotion<double, S::n_i>{R[K], r[K], S_k[K], bias[K]}...};

@@ -86,7 +86,6 @@ void from_lanes(const iim::Lanes<T, N>* rows, Index size, int count, T* target, 
 /// the workspace. Refers to `inputs` and its tree, and follows which inputs are active.
 template <class Tree, Update update = Update::projected>
 class SeveralStates {
-  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
   static_assert(update != Update::square_root, "the square-root form decides about pivots for each state by itself");
 
 public:

@@ -75,8 +75,6 @@ struct TaskRows {
 /// gets.
 template <class Tree, Scene scene = Scene{}>
 class Tasks {
-  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
-
 public:
   using Scalar = typename Tree::Scalar;
   using Id = Index;  ///< number of a block, in the order of adding

@@ -22,7 +22,6 @@ namespace iim {
 /// The difference in (21) loses what q̈_[0] is larger than the column by: the error of B̂ is ε‖q̈_[0]‖, not ε‖B̂‖.
 template <class Tree, Update update = Update::projected, Scene scene = Scene{}>
 class UnitForcePublished {
-  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
 public:
   using Scalar = typename Tree::Scalar;
 
@@ -81,7 +80,6 @@ private:
 /// other, 0: as many as pay. Owns its memory, O(n_v · width + n_v · m); refers to tree and inputs.
 template <class Tree, int width = 0>
 class UnitForce {
-  static_assert(!std::is_const_v<Tree>, "the tree's type without const: std::remove_const_t<decltype(tree)>");
   static_assert(width >= 0 && (width & (width - 1)) == 0, "UnitForce: width is 0 or a power of two");
 
 public:

@@ -78,8 +78,8 @@ UrdfRobot<Scalar> load_urdf(const std::string& path, const UrdfOptions<Scalar>& 
 {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
-  const bool is_empty = file.peek() == std::ifstream::traits_type::eof() && file.eof() && !file.bad();
-  if (!is_empty && (!file || !(text << file.rdbuf()))) { throw ModelError("cannot read the URDF file '" + path + "'"); }
+  file.peek();  // an empty file is at its end now; << would take it for one that cannot be read
+  if (!file.eof() && !(file && text << file.rdbuf())) { throw ModelError("cannot read the URDF file '" + path + "'"); }
   return parse_urdf<Scalar>(text.str(), options, path);
 }
 
