@@ -101,11 +101,13 @@ protected:
       const Scalar Bbar = ws.Bbar().data()[scaled.bbar];
       if (Bbar == Scalar(1)) { continue; }
       Scalar* const column = Bhat.data() + columns_[at(scaled.column)].begin;
+      Register sum = Register::Zero();  // of each its own: a single one, sums wait for each other (several states 1 %)
       for (Index v = 0; v < Bhat.rows(); v += side) {  // with the zeros between columns
         const Register numbers = Register::load(column + v) * Bbar;
         numbers.store(column + v);
-        check += numbers;
+        sum += numbers;
       }
+      check += sum;
     }
     std::array<Scalar, side> sums;
     check.store(sums.data());
