@@ -36,6 +36,8 @@ class BundleProduct {
   using ColumnBundle = typename Plan::ColumnBundle;
   using Part = typename Plan::Part;
   using Run = typename Plan::Run;
+  using Square = typename Plan::Square;
+  using Kind = typename Plan::Kind;
 
 public:
   static constexpr Index least_rows = lanes;  ///< of L; zeros after the last
@@ -65,7 +67,7 @@ public:
              L_.data() + bundle.registers * lanes);
     }
     check_.setZero();
-    const std::int32_t* squares = plan_.first_run.data();
+    const Square* squares = plan_.squares.data();
     for (const ColumnBundle& bundle : plan_.column_bundles) {
       const BetaColumn* const column = columns.data() + bundle.first;
       const Scalar* beta = beta_.data();
@@ -78,12 +80,9 @@ public:
                 __attribute__((always_inline)) { return rows.data() + column[std::min<Index>(j, last)].row * stride; },
             bundle, beta_.data());
       }
-      // Of squares of rows that are columns, too, one of two is computed: as long as all rows are such, those from the
-      // diagonal on.
-      const Index from = bundle.same_rows <= plan_.mirrored ? std::max<Index>(bundle.same_rows, 0) : 0;
       for (Index j = 0; j < bundle.count; j += tile) {
         const Index count = std::min<Index>(tile, bundle.count - j);
-        multiply_tile({bundle, from, squares + from, beta + j, columns.data(), column + j, count, j}, Bhat);
+        multiply_tile({bundle, squares, beta + j, columns.data(), column + j, count, j}, Bhat);
       }
       squares += plan_.row_bundles.size();
     }
@@ -128,10 +127,9 @@ private:
 
   struct Tile {
     const ColumnBundle& columns;
-    Index from;                   ///< first bundle of rows
-    const std::int32_t* squares;  ///< of the bundle from there on: where the runs of each begin
-    const Scalar* beta;           ///< its registers, from the tile's first lane on
-    const BetaColumn* all;        ///< columns
+    const Square* squares;
+    const Scalar* beta;     ///< its registers, from the tile's first lane on
+    const BetaColumn* all;  ///< columns
     const BetaColumn* column;
     Index count;  ///< of columns, at most `tile`
     Index lane;   ///< of the first of them in the bundle
@@ -142,7 +140,6 @@ private:
   [[gnu::noinline]] void multiply_tile(const Tile& t, Matrix& Bhat)
   {
     const Index v = t.columns.v;
-    const bool same = t.columns.same_rows >= 0;
     const Scalar* const beta = t.beta;
     const Scalar* const L = L_.data();
     const Run* const runs = plan_.runs.data();
@@ -151,15 +148,14 @@ private:
     Scalar* const to = Bhat.data();
     Scalar* const to_mirrored = to + v + t.lane;
     Register check = check_;
-    const std::int32_t* square_runs = t.squares;
+    const Square* square = t.squares;
     const RowBundle* const rows_end = plan_.row_bundles.data() + plan_.row_bundles.size();
-    for (const RowBundle* bundle = plan_.row_bundles.data() + t.from; bundle != rows_end; ++bundle) {
+    for (const RowBundle* bundle = plan_.row_bundles.data(); bundle != rows_end; ++bundle, ++square) {
+      if (square->kind == Kind::mirror) { continue; }
       const RowBundle& rows = *bundle;
-      const Run* run = runs + square_runs[0];
-      const Run* const end = runs + square_runs[1];
-      ++square_runs;
-      const bool mirrored = same && rows.first_column >= 0 && rows.v != v;
-      if (mirrored && rows.v < v) { continue; }
+      const Run* run = runs + square->first_run;
+      const Run* const end = runs + square[1].first_run;
+      const bool mirrored = square->kind == Kind::mirrored;
       std::array<Register, tile> sum;
       unrolled<tile>([&](auto j) __attribute__((always_inline)) { sum[j].setZero(); });
       for (; run != end; ++run) {
