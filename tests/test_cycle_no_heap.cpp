@@ -94,6 +94,28 @@ TEST_CASE("nor in copies of methods that were made while an input was off")
   }
 }
 
+TEST_CASE("nor in workspaces that were copied, moved or assigned to")
+{
+  const DynamicTree tree(robot(1e5));
+  using Tree = std::remove_const_t<decltype(tree)>;
+  Inputs<Tree> inputs = robot_inputs(tree);
+  ImplicitInversion method(tree, inputs);
+  const VectorX<double> q = coordinates(tree.n_q(), 0.3), qd = VectorX<double>::Ones(tree.n_v());
+  const VectorX<double> u = VectorX<double>::Ones(inputs.columns());
+  Workspace first(tree), assigned(tree);
+  const VectorX<double> expected = method(q, qd, first).qdd0;
+  Workspace copy(first), moved(Workspace<Tree>{tree});
+  assigned = copy;
+  for (Workspace<Tree>* ws : {&copy, &moved, &assigned}) {
+    VectorX<double> qdd0(tree.n_v());
+    in_cycle("a workspace that was copied, moved or assigned to", [&] {
+      (void)forward_dynamics(q, qd, inputs, u, *ws);
+      qdd0 = method(q, qd, *ws).qdd0;
+    });
+    CHECK(qdd0 == expected);
+  }
+}
+
 TEST_CASE("nor on a large robot, where libraries block their products")
 {
   const Index n = 400;

@@ -33,21 +33,9 @@ inline constexpr bool mends = Data::update == Update::projected && !bodies_first
 /// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
 inline constexpr Index most_one_by_one = 128;
 
-/// Of all subsystems of a workspace. What was copied or moved to does not know where they are.
+/// Of all subsystems of a workspace, in which it has to be: what is copied or moved to still knows where they were.
 template <class Scalar>
 class BodiesBeyond {
-  struct Found {
-    bool yes = false;
-
-    Found() = default;
-    Found(const Found&) noexcept {}
-    Found& operator=(const Found&) noexcept
-    {
-      yes = false;
-      return *this;
-    }
-  };
-
 public:
   /// Where the numbers of a subsystem are.
   struct Part {
@@ -90,11 +78,8 @@ public:
     }
   }
 
-  /// Whether it is known where the subsystems' numbers are.
-  bool are_found() const { return found_.yes; }
   void clear()
   {
-    found_.yes = true;
     parts_.clear();
     rotors_.clear();
     ratios_.clear();
@@ -298,7 +283,6 @@ private:
     return whole;
   }
 
-  Found found_;
   Array<Part> parts_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;

@@ -232,10 +232,14 @@ private:
   {
     if constexpr (looks_again<Data>) {
       if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
-        const bool holds = ws_.second_look().refine(scene.velocity, scene.gravity, scene.implicit, ws_);
-        if (holds && detail::all_finite(ws_.qdd())) { return true; }
-        diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());
-        return false;
+        if (!ws_.second_look().refine(scene.velocity, scene.gravity, scene.implicit, ws_)) {
+          diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());
+          return false;
+        }
+        if (!detail::all_finite(ws_.qdd())) {
+          diagnosis_.fail(Status::not_finite, -1);
+          return false;
+        }
       }
     }
     return true;
@@ -294,7 +298,6 @@ public:
       ws.clear_tapes();
       ws.clear_rows();
     }
-    ws.find_bodies();
     Scalar largest_inverse(0);
     const auto step = [&]<class S>(const Node& node, const S& s) {
       inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);

@@ -55,7 +55,7 @@ bool is_on_free(const Node& node, Data& ws)
   return false;
 }
 
-/// Room for it, and the sums. Workspace: its part that depends on Scalar and update alone; find_bodies has been called.
+/// Room for it, and the sums. Workspace: its part that depends on Scalar and update alone.
 template <class Scalar>
 class MotionResidual {
   using Pair = TriplePair<Scalar>;

@@ -155,6 +155,9 @@ public:
     } else {
       residual_.template compute<false>(velocity, gravity, springs, ws, apply);
       residual_.add_change();
+      for (Index v = 0; v < ws.tree().n_v(); ++v) {
+        if (!is_finite(residual_.x(v))) { return true; }  // near overflow q̈ stays as it is
+      }
     }
     for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = residual_.x(v); }
     for (Index f = 0; f < ws.tree().n_frames(); ++f) { ws.frame(f).Vdot = residual_.x_of(f); }

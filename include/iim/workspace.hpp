@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <type_traits>
+#include <utility>
 
 namespace iim {
 
@@ -289,6 +290,16 @@ public:
   }
 
   explicit Workspace(const Tree&&) = delete;
+  Workspace(const Workspace& other) : Data(other), nodes_(other.nodes_) { find_bodies(); }
+  Workspace(Workspace&& other) : Data(std::move(other)), nodes_(std::move(other.nodes_)) { find_bodies(); }
+  Workspace& operator=(Workspace other)
+  {
+    Data::operator=(std::move(other));
+    nodes_ = std::move(other.nodes_);
+    find_bodies();
+    return *this;
+  }
+  ~Workspace() = default;
 
   const Tree& tree() const { return static_cast<const Tree&>(*this->tree_); }
 
@@ -303,13 +314,12 @@ public:
     return nodes_.template at<S>(node);
   }
 
-  /// Tells bodies_beyond() where the subsystems' numbers are; again if the workspace was copied or moved to. The pass
-  /// calls it.
-  void find_bodies()
+private:
+  /// Tells bodies_beyond() where the subsystems' numbers are.
+  [[gnu::cold]] void find_bodies()
   {
     if constexpr (detail::looks_again<Data>) {
       detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
-      if (bodies.are_found()) { return; }
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
       bodies.allocate(tree(), detail::mends<Data>);
@@ -317,7 +327,6 @@ public:
     }
   }
 
-private:
   /// Of each free frame the child with one column that carries most; in matrix form, one that turns about an axis.
   [[gnu::cold]] void choose_free_axes()
   {
