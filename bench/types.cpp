@@ -49,7 +49,7 @@ Options read(int argc, char** argv)
 
 std::string whole(double x) { return bench::text("%.0f", x); }
 
-/// "–" where no column goes from one such subsystem to the next: fixed ones have no rows, free ones no coupling.
+/// "–" where no column goes from one such subsystem to the next, as from a free one.
 std::string of_column(const bench::Cost& column, const std::string& text)
 {
   return column.operations.products > 0 ? text : "–";

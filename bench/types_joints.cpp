@@ -21,7 +21,6 @@ std::vector<TypeCost> costs_of_joints(bool quick)
       cost_of("universal", UniversalLink<double>{{axis, other}, box()}, quick),
       cost_of("planar", PlanarLink<double>{{axis, other}, box()}, quick),
       cost_of("spherical", ball, quick),
-      cost_of("fixed", FixedLink<double>{{}, box()}, quick),
       cost_of("free", FloatingBase<double>{box()}, quick),
   };
 }

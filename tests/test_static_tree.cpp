@@ -73,16 +73,19 @@ StandardAssembly<double> mixed_arm()
 }
 
 using MixedArm = StaticTree<On<-1, Arm>, On<0, Revolute1>, On<1, Prismatic1>, On<2, Rigid>, On<3, Arm>>;
+using MergedArm = StaticTree<On<-1, Arm>, On<0, Revolute1>, On<1, Prismatic1>, On<2, Arm>>;
 
 }  // namespace
 
 TEST_CASE("an arm with every kind of joint", "[static]")
 {
-  compare<MixedArm>(mixed_arm(), {{InputKind::motor, "e"},
-                                  {InputKind::force, "d", Vec3(0.1, 0.2, 0.3)},
-                                  {InputKind::motor, "a"},
-                                  {InputKind::wrench, "e", Vec3(0, 0, 0.4), Axes::body},
-                                  {InputKind::motor, "b", Vec3::Zero(), Axes::world, false}});
+  const std::vector<test::NamedInput> inputs{{InputKind::motor, "e"},
+                                             {InputKind::force, "d", Vec3(0.1, 0.2, 0.3)},
+                                             {InputKind::motor, "a"},
+                                             {InputKind::wrench, "e", Vec3(0, 0, 0.4), Axes::body},
+                                             {InputKind::motor, "b", Vec3::Zero(), Axes::world, false}};
+  compare<MixedArm>(mixed_arm(), inputs);
+  compare<MergedArm>(mixed_arm(), inputs);
 }
 
 TEST_CASE("several roots, and several children on one frame", "[static]")
@@ -113,9 +116,10 @@ TEST_CASE("a tree of the wrong shape is an exception that names the subsystem", 
     return "no error";
   };
   CHECK(message([] { MixedArm{mixed_arm()}; }) == "no error");
+  CHECK(message([] { MergedArm{mixed_arm()}; }) == "no error");
   using Shorter = StaticTree<On<-1, Arm>, On<0, Revolute1>>;
   const std::string size = message([] { Shorter{mixed_arm()}; });
-  CHECK_THAT(size, ContainsSubstring("5"));
+  CHECK_THAT(size, ContainsSubstring("4 subsystems (and on them FixedLinks: 1)"));
   CHECK_THAT(size, ContainsSubstring("2"));
   using Forked = StaticTree<On<-1, Arm>, On<0, Revolute1>, On<1, Prismatic1>, On<2, Rigid>, On<2, Arm>>;
   CHECK_THAT(message([] { Forked{mixed_arm()}; }), ContainsSubstring("'e'"));

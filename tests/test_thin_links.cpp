@@ -377,8 +377,7 @@ TEST_CASE("a load on a FixedLink far out along a joint's axis: as if it were par
     parts.add("link", {}, link).add("hand", {"link", held.R, held.p}, hand).add("load", {"hand", out.R, out.p}, load);
     one.add("link", {}, whole);
     const DynamicTree tree(parts), single(one);
-    CHECK(!tree.frame_mass(1).present);
-    CHECK(!tree.frame_mass(2).present);
+    CHECK(tree.size() == 1);
     const test::RandomState state = test::random_state(single, 0, random);
     Workspace ws(tree), single_ws(single);
     const auto fd = forward_dynamics(state.q, state.qd, ws), expected = forward_dynamics(state.q, state.qd, single_ws);

@@ -7,6 +7,7 @@
 #include <iim/subsystem.hpp>
 
 #include <algorithm>
+#include <array>
 #include <concepts>
 #include <cstddef>
 #include <limits>
@@ -117,8 +118,8 @@ public:
   }
 
   /// Parts depth first, each checked, prepared and given on a part or the world, the bodies of FixedLinks in what
-  /// carries them. Throws ModelError for a parent that does not exist, a loop, an outlet that the parent does not have,
-  /// a coupling that is no rotation, wrong parameters, or an empty assembly.
+  /// carries them where that takes them. Throws ModelError for a parent that does not exist, a loop, an outlet that the
+  /// parent does not have, a coupling that is no rotation, wrong parameters, or an empty assembly.
   [[gnu::cold]] std::vector<NamedPart> sorted() const
   {
     if (parts_.empty()) { throw ModelError("the assembly has no parts"); }
@@ -159,9 +160,51 @@ public:
     return order;
   }
 
+  struct Merged {
+    std::vector<NamedPart> parts;
+    std::vector<NamedFrame> frames;  ///< the other FixedLinks: where they are on these
+  };
+
+  /// The same, but a FixedLink whose body went into what carries it is a frame of that, and what hangs on it hangs
+  /// there.
+  [[gnu::cold]] Merged merged() const
+  {
+    struct Place {
+      int part;  ///< of the result
+      Placement<Scalar> on_part;
+    };
+    Merged result;
+    detail::Array<Place> places;
+    const std::vector<NamedPart> order = sorted();
+    for (NamedPart part : order) {
+      const bool is_frame = goes_into_carrier(part, order);
+      if (part.parent >= 0) {
+        const Place& parent = places[at(part.parent)];
+        const Placement<Scalar> there = parent.on_part * Placement<Scalar>{part.on.R, part.on.p};
+        part.on = {result.parts[at(parent.part)].name, there.R, there.p, part.on.outlet};
+        part.parent = parent.part;
+      }
+      if (is_frame) {
+        places.push_back({part.parent, {part.on.R, part.on.p}});
+        result.frames.push_back({part.name, part.on});
+      } else {
+        places.push_back({static_cast<int>(result.parts.size()), {}});
+        result.parts.push_back(part);
+      }
+    }
+    return result;
+  }
+
 private:
   static std::size_t at(int k) { return static_cast<std::size_t>(k); }
   int size() const { return static_cast<int>(parts_.size()); }
+
+  /// Whether it is a fixed link on what takes its body. order: sorted.
+  [[gnu::cold]] static bool goes_into_carrier(const NamedPart& part, const std::vector<NamedPart>& order)
+  {
+    constexpr std::array is_fixed{detail::is_fixed<S>()...}, takes{detail::takes_fixed_bodies<S>()...};
+    return part.parent >= 0 && is_fixed[part.part.index()] && takes[order[at(part.parent)].part.index()];
+  }
 
   /// Those of fixed links, tips first, as fixed links hang on each other.
   [[gnu::cold]] static void put_fixed_bodies_into_carriers(std::vector<NamedPart>& order)

@@ -36,9 +36,14 @@ private:
   std::mt19937_64 bits_;
 };
 
+/// A link that a FixedLink is a subsystem on, and no frame.
+struct LawHolder : RevoluteLink<double> {
+  Body<double>& fixed_body() = delete;
+};
+
 template <class S>
 struct LawTrees {
-  using Link = RevoluteLink<double>;
+  using Link = std::conditional_t<is_fixed<S>(), LawHolder, RevoluteLink<double>>;
   using Dynamic = DynamicTree<S, Link>;
   using Static = StaticTree<On<-1, Link>, On<0, S>, On<1, Link>>;
 };
@@ -77,6 +82,7 @@ struct LawRobot {
 template <class S>
 struct LawParts {
   using Parts = typename LawTrees<S>::Dynamic::Parts;
+  using Link = typename LawTrees<S>::Link;
   static constexpr Index number = law_number;
   static constexpr double lightest = 5e-4;  ///< of the base's first link: loads are heavy against it (unit_rows.hpp)
 
@@ -89,7 +95,9 @@ struct LawParts {
     Body<double> box{2, Eigen::Vector3d(0.1, -0.05, 0.08), Eigen::Vector3d(0.03, 0.04, 0.05).asDiagonal(), false};
     for (int k = 0; k < number; ++k) {
       const std::string name = k + 1 == number ? "base" : "base" + std::to_string(k);
-      RevoluteLink<double> link{{random.vector(1).normalized()}, box};
+      Link link;
+      link.joint.axis = random.vector(1).normalized();
+      link.body = box;
       if (k == 0) {
         link.body.mass *= lightest;
         link.body.inertia *= lightest;
@@ -109,7 +117,9 @@ struct LawParts {
     box.mass = 0.5;
     for (int k = 0; k < S::n_frames; ++k) {
       const Attachment<double> on{"part", random.rotation(), random.vector(0.3), k};
-      const RevoluteLink<double> load{{random.vector(1).normalized()}, box};
+      Link load;
+      load.joint.axis = random.vector(1).normalized();
+      load.body = box;
       const std::string name = "load" + std::to_string(k);
       robot.add(name, on, load);
       elsewhere.add(name, on, load);

@@ -37,7 +37,7 @@ public:
   using Parts = Assembly<S...>;
 
   /// Throws ModelError for whatever is wrong with the assembly (Assembly::sorted).
-  [[gnu::cold]] explicit DynamicTree(const Parts& assembly) : DynamicTree(assembly, assembly.sorted()) {}
+  [[gnu::cold]] explicit DynamicTree(const Parts& assembly) : DynamicTree(assembly, assembly.merged()) {}
 
   /// One Data<S> per subsystem, contiguous per type.
   template <template <class> class Data>
@@ -106,19 +106,19 @@ public:
   }
 
 private:
-  [[gnu::cold]] DynamicTree(const Parts& assembly, const std::vector<typename Parts::NamedPart>& parts)
-      : Base(assembly, parts)
+  [[gnu::cold]] DynamicTree(const Parts& assembly, const typename Parts::Merged& merged) : Base(assembly, merged)
   {
-    for (std::size_t k = 0; k < parts.size(); ++k) {
+    for (std::size_t k = 0; k < merged.parts.size(); ++k) {
+      const auto& part = merged.parts[k].part;
       Node& node = this->nodes_[k];
-      node.type = static_cast<int>(parts[k].part.index());
+      node.type = static_cast<int>(part.index());
       std::visit(
           [&]<class T>(const T& s) {
             auto& same = std::get<detail::Array<T>>(subsystems_);
             node.slot = same.size();
             same.push_back(s);
           },
-          parts[k].part);
+          part);
     }
   }
 
@@ -203,9 +203,10 @@ public:
   template <std::size_t I>
   using Type = typename std::tuple_element_t<I, std::tuple<Nodes...>>::Subsystem;
 
-  /// Throws ModelError if the assembly is wrong in itself or has another shape than this type.
+  /// Throws ModelError if the assembly is wrong in itself or has another shape than this type: as a DynamicTree has it,
+  /// or with all FixedLinks as subsystems.
   template <class... S>
-  explicit StaticTree(const Assembly<S...>& assembly) : StaticTree(assembly, assembly.sorted())
+  explicit StaticTree(const Assembly<S...>& assembly) : StaticTree(assembly, parts_of(assembly))
   {
   }
 
@@ -270,14 +271,26 @@ public:
   }
 
 private:
-  template <class Part>
-  StaticTree(const auto& assembly, const std::vector<Part>& parts) : Base(assembly, parts)
+  /// FixedLinks are subsystems if the type lists all of them, and otherwise frames as in a DynamicTree.
+  template <class... S>
+  [[gnu::cold]] static typename Assembly<S...>::Merged parts_of(const Assembly<S...>& assembly)
+  {
+    return assembly.parts().size() == n_nodes ? typename Assembly<S...>::Merged{assembly.sorted(), {}}
+                                              : assembly.merged();
+  }
+
+  template <class AssemblyType>
+  StaticTree(const AssemblyType& assembly, const typename AssemblyType::Merged& merged) : Base(assembly, merged)
   {
     if (this->size() != n_nodes) {
-      throw ModelError("the assembly has " + std::to_string(this->size()) + " subsystems, the StaticTree " +
-                       std::to_string(n_nodes));
+      const std::size_t fixed = assembly.parts().size() - merged.parts.size();
+      throw ModelError("the assembly has " + std::to_string(this->size()) + " subsystems" +
+                       (fixed > 0 ? " (and on them FixedLinks: " + std::to_string(fixed) + ")" : "") +
+                       ", the StaticTree " + std::to_string(n_nodes));
     }
-    [&]<std::size_t... I>(std::index_sequence<I...>) { (take<I>(parts[I]), ...); }(std::index_sequence_for<Nodes...>{});
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+      (take<I>(merged.parts[I]), ...);
+    }(std::index_sequence_for<Nodes...>{});
   }
 
   template <std::size_t I, class Part>

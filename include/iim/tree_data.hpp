@@ -116,10 +116,15 @@ public:
     for (Index i = 0; i < size(); ++i) {
       if (this->name(i) == name) { return i; }
     }
-    throw ModelError("there is no subsystem '" + name + "'");
+    const auto frame = named_frames_.find(name);
+    if (frame == named_frames_.end() || frame->second.subsystem < 0) {
+      throw ModelError("there is no subsystem '" + name + "'");
+    }
+    throw ModelError("'" + name + "' is no subsystem, but a frame on '" + this->name(frame->second.subsystem) + "'");
   }
 
-  /// Frame of that name: a subsystem's first frame, or one given by Assembly::add_frame. Throws ModelError.
+  /// Frame of that name: a subsystem's first frame, one given by Assembly::add_frame, or a FixedLink's. Throws
+  /// ModelError.
   const FrameReference<Scalar>& frame(const std::string& name) const
   {
     const auto found = named_frames_.find(name);
@@ -131,11 +136,10 @@ public:
 
 protected:
   template <class AssemblyType>
-  [[gnu::cold]] explicit TreeData(const AssemblyType& assembly,
-                                  const std::vector<typename AssemblyType::NamedPart>& parts)
+  [[gnu::cold]] explicit TreeData(const AssemblyType& assembly, const typename AssemblyType::Merged& merged)
       : gravity_(assembly.gravity())
   {
-    for (const auto& part : parts) {
+    for (const auto& part : merged.parts) {
       std::visit(
           [&]<class S>(const S& s) {
             static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
@@ -173,14 +177,9 @@ protected:
     }
     close_subtrees();
     sort_by_depth();
+    for (const auto& frame : merged.frames) { named_frames_[frame.name] = frame_on(frame.on); }
     for (const auto& frame : assembly.named_frames()) {
-      const Attachment<Scalar> on = assembly.on_part(frame.name, frame.on);
-      FrameReference<Scalar> reference{-1, -1, {on.R, on.p}};
-      if (on.parent != "world") {
-        reference.subsystem = index(on.parent);
-        reference.frame = node(reference.subsystem).frame + on.outlet;
-      }
-      named_frames_[frame.name] = reference;
+      named_frames_[frame.name] = frame_on(assembly.on_part(frame.name, frame.on));
     }
   }
 
@@ -241,6 +240,14 @@ private:
       }
     }
     return R;
+  }
+
+  /// on: a part, or a FixedLink that is a frame already.
+  [[gnu::cold]] FrameReference<Scalar> frame_on(const Attachment<Scalar>& on) const
+  {
+    if (on.parent == "world") { return {-1, -1, {on.R, on.p}}; }
+    const FrameReference<Scalar>& parent = frame(on.parent);
+    return {parent.subsystem, parent.frame + on.outlet, parent.at * Placement<Scalar>{on.R, on.p}};
   }
 
   static void check_frame(const std::string& name, const char* what, int frame, int n_frames)

@@ -83,8 +83,9 @@ template <class Scalar>
 using RevoluteLink = RigidLink<Revolute<Scalar>>;
 template <class Scalar>
 using PrismaticLink = RigidLink<Prismatic<Scalar>>;
-/// A body fixed on a frame. On a link, a motor-arm or a floating base it becomes part of that body in the tree; its own
-/// frame stays, and takes some 40 ns of the pass. (Assembly::add_frame and Body::add take nothing.)
+/// A body fixed on a frame. On a link, a motor-arm, a floating base or another FixedLink it is part of that body in a
+/// tree, and its name that of a frame (Assembly::merged): it costs nothing. On the world and on compound parts it is a
+/// subsystem without coordinates, of some 40 ns.
 template <class Scalar>
 using FixedLink = RigidLink<Fixed<Scalar>>;
 
