@@ -74,13 +74,13 @@ Vector3<double> vec(double x, double y, double z) { return {x, y, z}; }
 
 TEST_CASE("joints of every type become subsystems named after their links")
 {
-  const auto r = parse_urdf<double>(
-      robot_xml(link_xml("base") + link_xml("a") + link_xml("b") + link_xml("c") + link_xml("d") +
-                joint_xml("turn", "revolute", "base", "a",
-                          "<origin xyz='1 2 3' rpy='0 0 1.5707963267948966'/><axis xyz='0 0.6 0.8'/>" + limit) +
-                joint_xml("spin", "continuous", "a", "b") +
-                joint_xml("slide", "prismatic", "b", "c", "<axis xyz='0 -1 0'/>" + limit) +
-                joint_xml("fly", "floating", "c", "d", "<origin xyz='0 0 5'/>")));
+  const auto r = parse_urdf<double>(robot_xml(
+      link_xml("base") + link_xml("a") + link_xml("b") + link_xml("c") + link_xml("d") +
+      joint_xml("turn", "revolute", "base", "a",
+                "<origin xyz='1 2 3' rpy='0 0 1.5707963267948966'/><axis xyz='0 0.6 0.8'/>" + limit) +
+      joint_xml("spin", "continuous", "a", "b") +
+      joint_xml("slide", "prismatic", "b", "c", "<axis xyz='0 -1 0'/><dynamics damping='0.5' friction='3'/>" + limit) +
+      joint_xml("fly", "floating", "c", "d", "<origin xyz='0 0 5'/>")));
   const auto tree = r.tree();
   REQUIRE(tree.size() == 4);
   CHECK(tree.n_q() == 3 + 7);
@@ -108,6 +108,9 @@ TEST_CASE("joints of every type become subsystems named after their links")
   CHECK(r.joint("turn").upper == 2);
   CHECK(r.joint("turn").effort == 30);
   CHECK(r.joint("turn").velocity == 4);
+  CHECK(r.joint("turn").damping == 0);
+  CHECK(r.joint("slide").damping == 0.5);
+  CHECK(r.joint("slide").friction == 3);
   CHECK(r.joint("spin").upper == std::numeric_limits<double>::infinity());
   CHECK(r.node(tree, "slide").q == 2);
   CHECK(r.node(tree, "fly").v == 3);

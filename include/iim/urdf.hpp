@@ -6,7 +6,8 @@
 // frame is asked for: inputs.add_force("left_foot"). The frame of a link is the one that URDF gives it, at its joint.
 // Coordinates are depth first, brothers in the alphabetical order of their joints (urdfdom's).
 //
-// Not read: shapes, damping and friction, safety controllers, calibration.
+// Limits, damping and friction of joints are read (UrdfJoint), and are no part of the dynamics. Not read: shapes, safety
+// controllers, calibration.
 #pragma once
 
 #include <iim/errors.hpp>

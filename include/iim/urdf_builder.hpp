@@ -316,6 +316,10 @@ private:
       joint.velocity = part.joint->limits->velocity;
       joint.effort = part.joint->limits->effort;
     }
+    if (part.joint->dynamics) {
+      joint.damping = part.joint->dynamics->damping;
+      joint.friction = part.joint->dynamics->friction;
+    }
     robot.joints.push_back(joint);
   }
 

@@ -80,6 +80,8 @@ struct UrdfJoint {
   double upper = std::numeric_limits<double>::infinity();
   double velocity = std::numeric_limits<double>::infinity();  ///< greatest speed [rad/s, m/s]
   double effort = std::numeric_limits<double>::infinity();    ///< greatest torque or force on the joint [N m, N]
+  double damping = 0;   ///< of <dynamics>, no part of the robot: for its controller, or a Sprung [N m s/rad, N s/m]
+  double friction = 0;  ///< the same: static friction [N m, N]
 };
 
 /// What a URDF file says. The assembly may be added to before it becomes a tree.
