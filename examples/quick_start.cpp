@@ -9,8 +9,8 @@ int main()
   const iim::DynamicTree tree(iim::models::biped<double>());  // constant; threads may share it
   iim::Inputs inputs(tree);                                   // all 14 motors, then three columns per contact point
   for (const char* point : iim::models::biped_contacts) { inputs.add_force(point); }
-  iim::Workspace ws(tree);                                    // the last memory that is asked for
-  iim::ImplicitInversion method(tree, inputs);                //   is in here
+  iim::Workspace ws(tree);                                    // all memory is in these two:
+  iim::ImplicitInversion method(tree, inputs);                // what follows allocates none
 
   Eigen::VectorXd q = iim::neutral(tree);                     // torso position, quaternion (x, y, z, w), 14 joints
   const Eigen::VectorXd qd = Eigen::VectorXd::Ones(tree.n_v());

@@ -90,8 +90,8 @@ TEST_CASE("FixedLinks as frames: where they are, and what asks for them as subsy
   const DynamicTree tree(robots(1).given);
   CHECK(tree.frame("bracket").subsystem == tree.index("base"));
   CHECK(tree.frame("hand").subsystem == tree.index("arm"));
-  CHECK_THROWS_WITH(tree.index("hand"), "'hand' is no subsystem, but a frame on 'arm'");
-  CHECK_THROWS_WITH(tree.index("eye"), "'eye' is no subsystem, but a frame on 'base'");
+  CHECK_THROWS_WITH(tree.index("hand"), "'hand' is no subsystem, but a frame on 'arm' (tree.frame)");
+  CHECK_THROWS_WITH(tree.index("eye"), "'eye' is no subsystem, but a frame on 'base' (tree.frame)");
   CHECK_THROWS_WITH(tree.index("foot"), "there is no subsystem 'foot'");
   Inputs inputs(tree);
   CHECK_THROWS_AS(inputs.add_motor("hand"), ModelError);

@@ -3,6 +3,8 @@
 #include "catch.hpp"
 #include "random_tree.hpp"
 
+#include <iim/task.hpp>
+
 #include <limits>
 #include <type_traits>
 #include <utility>
@@ -70,6 +72,27 @@ TEST_CASE("columns of inactive blocks do not exist, and those after them move up
     CHECK(inputs.columns() == column);
     CHECK(inputs.max_columns() == 11);
   }
+}
+
+TEST_CASE("no point, {} and three numbers", "[inputs]")
+{
+  const Tree tree = robot();
+  Inputs inputs(tree, Start::empty);
+  Tasks tasks(tree, inputs);
+  const Vec3 origin = tree.frame("tip").at.p;
+  for (const auto id : {inputs.add_force("tip", {}, Axes::body), inputs.add_force("tip", Axes::body),
+                        inputs.add_wrench("tip", {}, Axes::body), inputs.add_wrench("tip", Axes::body)}) {
+    CHECK(inputs.block(id).point == origin);
+    CHECK(inputs.block(id).axes == Axes::body);
+  }
+  for (const auto id : {tasks.add_point("tip", {}, Axes::body), tasks.add_point("tip", Axes::body),
+                        tasks.add_frame("tip", {}, Axes::body), tasks.add_frame("tip", Axes::body)}) {
+    CHECK(tasks.block(id).point == origin);
+    CHECK(tasks.block(id).axes == Axes::body);
+  }
+  CHECK(inputs.block(inputs.add_force("hand", {1, 0, -2})).point == Vec3(1, 0, -2));
+  CHECK(inputs.block(inputs.add_force("hand", {})).point == Vec3::Zero());
+  CHECK_THROWS_WITH(inputs.add_force("world"), "the world is no frame of the robot");
 }
 
 TEST_CASE("a wrench is its force, and moments are pairs of forces", "[inputs]")

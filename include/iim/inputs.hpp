@@ -73,18 +73,18 @@ public:
 
   /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such
   /// frame, the world carries it, or the point is not finite.
-  Id add_force(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
-               Axes axes = Axes::world)
+  Id add_force(const std::string& frame, const FramePoint<Scalar>& point = {}, Axes axes = Axes::world)
   {
-    return append(at_point(InputKind::force, 3, frame, point, axes));
+    return append(at_point(InputKind::force, 3, frame, point.at, axes));
   }
+  Id add_force(const std::string& frame, Axes axes) { return add_force(frame, FramePoint<Scalar>(), axes); }
 
   /// Force and moment on the robot at a point of a named frame, 6 columns (force, moment). Throws as add_force.
-  Id add_wrench(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
-                Axes axes = Axes::world)
+  Id add_wrench(const std::string& frame, const FramePoint<Scalar>& point = {}, Axes axes = Axes::world)
   {
-    return append(at_point(InputKind::wrench, 6, frame, point, axes));
+    return append(at_point(InputKind::wrench, 6, frame, point.at, axes));
   }
+  Id add_wrench(const std::string& frame, Axes axes) { return add_wrench(frame, FramePoint<Scalar>(), axes); }
 
   /// Switches a block of columns on or off.
   void set_active(Id id, bool active)

@@ -300,8 +300,10 @@ private:
         same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f), length);
       }
       if (!same) {
-        throw ModelError("subsystem '" + tree().name(node.index) +
-                         "' is another one in the assembly than in the inputs' tree");
+        throw ModelError(
+            "subsystem '" + tree().name(node.index) +
+            "' has another place or body in the assembly than in the inputs' tree (bodies of FixedLinks are "
+            "part of what carries them)");
       }
     }
   }

@@ -29,9 +29,10 @@ template <class Scalar, int n_i>
 struct FrameMotion {
   Matrix3<Scalar>& R;                ///< frame to world
   Vector3<Scalar>& r;                ///< frame origin from the coupling point [m]
-  Eigen::Matrix<Scalar, 6, n_i>& S;  ///< twist of the frame at the coupling point, per q̇_i
-  Vector6<Scalar>& bias;             ///< Ṡ q̇ for a resting inlet: acceleration of the frame's point that is
-                                     ///< at the coupling point now, for q̈ = 0
+  Eigen::Matrix<Scalar, 6, n_i>& S;  ///< per q̇_i: velocity v of that point of the frame that is at the coupling
+                                     ///< point now, and angular velocity ω of the frame
+  Vector6<Scalar>& bias;             ///< accelerations of the same for q̈ = 0, the inlet at rest: linear Ṡ q̇ + ω × v,
+                                     ///< angular Ṡ q̇
 };
 
 /// What `motion` leaves zero (and need not write): the recursions then leave out the work for it.

@@ -90,18 +90,18 @@ public:
 
   /// Velocity of a point of a named frame, 3 rows. Throws ModelError if there is no such frame or the world carries it.
   /// Axes::body: the same vectors, resolved in the axes that the frame has at this instant.
-  Id add_point(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
-               Axes axes = Axes::world)
+  Id add_point(const std::string& frame, const FramePoint<Scalar>& point = {}, Axes axes = Axes::world)
   {
-    return append(on_frame(TaskKind::point, 3, frame, point, axes));
+    return append(on_frame(TaskKind::point, 3, frame, point.at, axes));
   }
+  Id add_point(const std::string& frame, Axes axes) { return add_point(frame, FramePoint<Scalar>(), axes); }
 
   /// Velocity of a point of a named frame and the frame's angular velocity, 6 rows; otherwise as add_point.
-  Id add_frame(const std::string& frame, const Vector3<Scalar>& point = Vector3<Scalar>::Zero(),
-               Axes axes = Axes::world)
+  Id add_frame(const std::string& frame, const FramePoint<Scalar>& point = {}, Axes axes = Axes::world)
   {
-    return append(on_frame(TaskKind::frame, 6, frame, point, axes));
+    return append(on_frame(TaskKind::frame, 6, frame, point.at, axes));
   }
+  Id add_frame(const std::string& frame, Axes axes) { return add_frame(frame, FramePoint<Scalar>(), axes); }
 
   /// Velocity of the centre of mass of all bodies in the tree, 3 rows. Throws ModelError if there are none.
   Id add_com() { return append(of_all(TaskKind::com, 3, "centre of mass")); }

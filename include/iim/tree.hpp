@@ -283,9 +283,9 @@ private:
   StaticTree(const AssemblyType& assembly, const typename AssemblyType::Merged& merged) : Base(assembly, merged)
   {
     if (this->size() != n_nodes) {
-      const std::size_t fixed = assembly.parts().size() - merged.parts.size();
+      const std::size_t parts = assembly.parts().size();
       throw ModelError("the assembly has " + std::to_string(this->size()) + " subsystems" +
-                       (fixed > 0 ? " (and on them FixedLinks: " + std::to_string(fixed) + ")" : "") +
+                       (parts > merged.parts.size() ? " (with all FixedLinks " + std::to_string(parts) + ")" : "") +
                        ", the StaticTree " + std::to_string(n_nodes));
     }
     [&]<std::size_t... I>(std::index_sequence<I...>) {

@@ -46,6 +46,19 @@ struct FrameReference {
   Placement<Scalar> at;
 };
 
+/// A point of a frame, in its axes [m], where a function asks for one: a vector, three numbers, or {} for its origin.
+template <class Scalar>
+struct FramePoint {
+  Vector3<Scalar> at = Vector3<Scalar>::Zero();
+
+  FramePoint() = default;
+  template <class Vector>
+  FramePoint(const Eigen::MatrixBase<Vector>& point) : at(point)
+  {
+  }
+  FramePoint(const Scalar& x, const Scalar& y, const Scalar& z) : at(x, y, z) {}
+};
+
 namespace detail {
 
 /// Another number each time, in the whole program.
@@ -120,7 +133,8 @@ public:
     if (frame == named_frames_.end() || frame->second.subsystem < 0) {
       throw ModelError("there is no subsystem '" + name + "'");
     }
-    throw ModelError("'" + name + "' is no subsystem, but a frame on '" + this->name(frame->second.subsystem) + "'");
+    throw ModelError("'" + name + "' is no subsystem, but a frame on '" + this->name(frame->second.subsystem) +
+                     "' (tree.frame)");
   }
 
   /// Frame of that name: a subsystem's first frame, one given by Assembly::add_frame, or a FixedLink's. Throws
@@ -128,8 +142,9 @@ public:
   const FrameReference<Scalar>& frame(const std::string& name) const
   {
     const auto found = named_frames_.find(name);
-    if (found == named_frames_.end()) { throw ModelError("there is no subsystem or frame '" + name + "'"); }
-    return found->second;
+    if (found != named_frames_.end()) { return found->second; }
+    throw ModelError(name == "world" ? "the world is no frame of the robot"
+                                     : "there is no subsystem or frame '" + name + "'");
   }
 
   const std::map<std::string, FrameReference<Scalar>>& named_frames() const { return named_frames_; }
