@@ -117,6 +117,7 @@ TEST_CASE("B̂, q̈₀ and q̈(u) are the paper's, update by square roots", "[re
 
 TEST_CASE("T_ip, M̄*, M̄_R and W are the paper's, in axes parallel to the world", "[reference]")
 {
+  int couplings = 0;
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     INFO("seed " << seed);
     const test::RandomRobot random = test::random_robot(seed);
@@ -131,10 +132,10 @@ TEST_CASE("T_ip, M̄*, M̄_R and W are the paper's, in axes parallel to the worl
     std::vector<Matrix> J;  // of each subsystem's frame, world axes; F_i = (0; 0; 1)
     tree.outward([&]<class N, class S>(const N& node, const S&) {
       const NodeState<S>& own = ws.template node<S>(node);
-      const std::size_t i = static_cast<std::size_t>(node.index);
+      std::size_t i = static_cast<std::size_t>(node.index);  // in the paper, where fixed links are subsystems as well
+      while (robot.parts().at(i).name != tree.name(node.index)) { ++i; }
       const Part<Digits50>& part = robot.parts()[i];
       INFO("subsystem " << part.name);
-      REQUIRE(part.name == tree.name(node.index));
       J.push_back(Matrix(own.S_k[0]));
       if constexpr (!detail::is_free<S>()) {
         const Matrix turn = turned_axes(part.R0, S::n_i);
@@ -146,7 +147,9 @@ TEST_CASE("T_ip, M̄*, M̄_R and W are the paper's, in axes parallel to the worl
           CHECK(apart(Matrix(own.MbarR), M_star.block(6, 6, S::n_i, S::n_i)) < 200 * eps);
           CHECK(apart(Matrix(own.W), pass.MbarR_inv[i] * U.transpose()) < 400 * eps);
         }
-        if (node.parent >= 0 && robot.parent(part).joint.kind != Kinematics<Digits50>::Kind::free) {
+        if (node.parent >= 0 && robot.parent(part).name == tree.name(node.parent) &&
+            robot.parent(part).joint.kind != Kinematics<Digits50>::Kind::free) {
+          ++couplings;
           const Part<Digits50>& p = robot.parent(part);
           const Matrix printed = turned_axes(part.R0, 0) * part.T_ip.head(6) * turned_axes(p.R0, p.n_i()).transpose();
           Matrix X = Matrix::identity(6);
@@ -156,4 +159,5 @@ TEST_CASE("T_ip, M̄*, M̄_R and W are the paper's, in axes parallel to the worl
       }
     });
   }
+  CHECK(couplings > 40);
 }
