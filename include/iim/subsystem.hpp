@@ -135,9 +135,9 @@ constexpr bool is_free()
   return false;
 }
 
-/// `fixed_body()`: the Body of the one frame, by reference. Bodies of FixedLinks on it are put into it; without, they
-/// are moved to the coupling point at every state, which costs time, and digits where they are far out along the axis
-/// of a joint.
+/// `fixed_body()`: the Body of the one frame, by reference. FixedLinks on it are frames, their bodies put into it;
+/// without, they are subsystems whose bodies are moved to the coupling point at every state, which costs time, and
+/// digits where they are far out along the axis of a joint.
 template <class S>
 constexpr bool takes_fixed_bodies()
 {

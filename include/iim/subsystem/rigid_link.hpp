@@ -84,8 +84,8 @@ using RevoluteLink = RigidLink<Revolute<Scalar>>;
 template <class Scalar>
 using PrismaticLink = RigidLink<Prismatic<Scalar>>;
 /// A body fixed on a frame. On a link, a motor-arm, a floating base or another FixedLink it is part of that body in a
-/// tree, and its name that of a frame (Assembly::merged): it costs nothing. On the world and on compound parts it is a
-/// subsystem without coordinates, of some 40 ns.
+/// tree, and its name that of a frame (Assembly::merged): it costs nothing. On the world and on types without
+/// fixed_body() it is a subsystem without coordinates, of some 40 ns.
 template <class Scalar>
 using FixedLink = RigidLink<Fixed<Scalar>>;
 
