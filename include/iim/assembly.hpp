@@ -56,11 +56,14 @@ public:
 
   /// Adds a subsystem. Throws ModelError if the name is empty, taken, or "world"; the rest is checked by `sorted`.
   template <class T>
-    requires(std::same_as<T, S> || ...)
   [[gnu::cold]] Assembly& add(const std::string& name, const Attachment<Scalar>& on, const T& part)
   {
-    claim(name);
-    parts_.push_back({name, on, part});
+    constexpr bool is_listed = (std::same_as<T, S> || ...);
+    static_assert(is_listed, "this type of subsystem is not among those that the Assembly lists: Assembly<..., T>");
+    if constexpr (is_listed) {  // else what follows would add errors of std::variant
+      claim(name);
+      parts_.push_back({name, on, part});
+    }
     return *this;
   }
 

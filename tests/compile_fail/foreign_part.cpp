@@ -1,5 +1,5 @@
 // An assembly takes only the types of subsystem that it was made for.
-// EXPECT: no matching (member )?function for call to
+// EXPECT: this type of subsystem is not among those that the Assembly lists
 #include <iim/iim.hpp>
 
 int main()
