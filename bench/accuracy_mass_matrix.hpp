@@ -3,7 +3,7 @@
 
 #include "pool.hpp"
 
-#include <iim/equations_of_motion.hpp>
+#include <iim/mass_matrix/equations_of_motion.hpp>
 
 #include <vector>
 

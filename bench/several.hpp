@@ -5,7 +5,7 @@
 #include "peers_models.hpp"
 #include "statistics.hpp"
 
-#include <iim/lanes.hpp>
+#include <iim/numerics/lanes.hpp>
 
 #include <string>
 #include <utility>

@@ -1,6 +1,6 @@
 // detail::Array beside std::vector: the same operations, the same elements; nothing lost or freed twice if one throws.
 #include <catch.hpp>
-#include <iim/array.hpp>
+#include <iim/numerics/array.hpp>
 
 #include <cstddef>
 #include <cstdint>

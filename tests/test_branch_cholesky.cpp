@@ -1,8 +1,8 @@
 // PROGRAM: tests_matrices
 // The factorisation M = LᵀL of random robots: its product, its solutions, and what it says of a singular matrix.
-#include <iim/branch_cholesky.hpp>
-#include <iim/equations_of_motion.hpp>
 #include <iim/iim.hpp>
+#include <iim/mass_matrix/branch_cholesky.hpp>
+#include <iim/mass_matrix/equations_of_motion.hpp>
 
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -1,8 +1,8 @@
 // PROGRAM: tests_matrices
 // M, h and B of random robots against energy, power and differences of positions, which share no formula with them.
 // In long double, where a difference quotient leaves 13 digits.
-#include <iim/equations_of_motion.hpp>
 #include <iim/iim.hpp>
+#include <iim/mass_matrix/equations_of_motion.hpp>
 
 #include "catch.hpp"
 #include "random_tree.hpp"

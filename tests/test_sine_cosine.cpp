@@ -2,9 +2,9 @@
 #include "catch.hpp"
 #include "worst.hpp"
 
+#include <iim/numerics/turns.hpp>
 #include <iim/scalar.hpp>
 #include <iim/subsystem/motor_arm.hpp>
-#include <iim/turns.hpp>
 
 #include <Eigen/Core>
 

@@ -1,8 +1,8 @@
 // Six-vector kernels against the dense matrices that they stand for.
 #include <catch.hpp>
-#include <iim/articulated_inertia.hpp>
-#include <iim/root_compress.hpp>
-#include <iim/square_root.hpp>
+#include <iim/pass/articulated_inertia.hpp>
+#include <iim/square_root/root_compress.hpp>
+#include <iim/square_root/square_root.hpp>
 
 #include <random>
 

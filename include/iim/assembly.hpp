@@ -1,9 +1,9 @@
 // Putting a tree together: parts by name, in any order; then checked and sorted once.
 #pragma once
 
-#include <iim/array.hpp>
 #include <iim/body.hpp>
 #include <iim/errors.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/subsystem.hpp>
 
 #include <algorithm>

@@ -6,10 +6,10 @@
 //     A_G(:, i) = X(o_i − c)⁻ᵀ (Σ_k I_k S_k + Σ J (0; a) ratio)          o_i coupling point, c centre of mass
 #pragma once
 
-#include <iim/array.hpp>
 #include <iim/body.hpp>
-#include <iim/composite_body.hpp>
-#include <iim/kinematics.hpp>
+#include <iim/mass_matrix/composite_body.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree.hpp>

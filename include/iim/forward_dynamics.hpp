@@ -1,8 +1,8 @@
 // q̈₀ at a state, q̈ under inputs, and the same over an implicit step: the O(n) pass (forward_pass.hpp) as functions.
 #pragma once
 
-#include <iim/forward_pass.hpp>
-#include <iim/kinematics.hpp>
+#include <iim/pass/forward_pass.hpp>
+#include <iim/pass/kinematics.hpp>
 #include <iim/receipt.hpp>
 
 namespace iim {

@@ -4,13 +4,13 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/branch_cholesky.hpp>
-#include <iim/branches.hpp>
-#include <iim/equations_of_motion.hpp>
 #include <iim/forward_dynamics.hpp>
-#include <iim/forward_pass.hpp>
 #include <iim/inputs.hpp>
-#include <iim/kinematics.hpp>
+#include <iim/inversion/branches.hpp>
+#include <iim/mass_matrix/branch_cholesky.hpp>
+#include <iim/mass_matrix/equations_of_motion.hpp>
+#include <iim/pass/forward_pass.hpp>
+#include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/workspace.hpp>
 

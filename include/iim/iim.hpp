@@ -13,6 +13,15 @@
 // the paper's models (models.hpp), further subsystems (subsystem/), their laws of mechanics as a test (law_suite.hpp),
 // and T_ip, F_i, M̄_i, h̄_i, B̄_i of one subsystem as dense matrices (subsystem_matrices.hpp).
 //
+// Headers to include lie here and in subsystem/. What they are made of, each in namespace detail, to read only:
+//
+//     pass/          the O(n) pass, its three loops, and how small pivots are mended
+//     square_root/   the inward loop of Update::square_root, on N with A = NᵀN
+//     inversion/     B̂: as a product of matrices, and as sweeps through the tree
+//     mass_matrix/   M, h and B, and their factors
+//     numerics/      numbers in registers, arrays, small matrices, sines
+//     law_suite/, urdf/
+//
 // Subsystem i hangs with its coupling point on its parent p. Letters of the paper, and their names here:
 //
 //     V_i, V̇_i        FrameState::omega, Vdot angular velocity, acceleration of a frame at the coupling point, world axes

@@ -8,12 +8,12 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/array.hpp>
 #include <iim/forward_dynamics.hpp>
-#include <iim/forward_pass.hpp>
 #include <iim/inputs.hpp>
-#include <iim/product_form.hpp>
-#include <iim/sweep.hpp>
+#include <iim/inversion/product_form.hpp>
+#include <iim/inversion/sweep.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/pass/forward_pass.hpp>
 #include <iim/workspace.hpp>
 
 #include <cmath>

@@ -1,10 +1,10 @@
 // Which columns B̂ has: motor torques, forces and wrenches at points; in the user's order, switched at run time.
 #pragma once
 
-#include <iim/array.hpp>
-#include <iim/change_count.hpp>
 #include <iim/errors.hpp>
 #include <iim/node_state.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/numerics/change_count.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>
 

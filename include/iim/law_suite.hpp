@@ -24,9 +24,9 @@
 #pragma once
 
 #include <iim/iim.hpp>
-#include <iim/law_suite_checks.hpp>
-#include <iim/law_suite_observer.hpp>
-#include <iim/law_suite_robot.hpp>
+#include <iim/law_suite/checks.hpp>
+#include <iim/law_suite/observer.hpp>
+#include <iim/law_suite/robot.hpp>
 #include <iim/subsystem_matrices.hpp>
 
 #include <algorithm>

@@ -3,7 +3,7 @@
 
 #include <iim/body.hpp>
 #include <iim/spatial.hpp>
-#include <iim/square_root.hpp>
+#include <iim/square_root/square_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/update.hpp>
 

@@ -11,12 +11,12 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/array.hpp>
-#include <iim/branches.hpp>
-#include <iim/input_matrix.hpp>
 #include <iim/inputs.hpp>
+#include <iim/inversion/branches.hpp>
+#include <iim/mass_matrix/input_matrix.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/numerics/registers.hpp>
 #include <iim/receipt.hpp>
-#include <iim/registers.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>

@@ -4,7 +4,7 @@
 // a Scalar with several lanes can answer for all of them.
 #pragma once
 
-#include <iim/sine_cosine.hpp>
+#include <iim/numerics/sine_cosine.hpp>
 
 #include <Eigen/Core>
 

@@ -17,8 +17,8 @@
 #include <iim/forward_dynamics.hpp>
 #include <iim/implicit_inversion.hpp>
 #include <iim/inputs.hpp>
-#include <iim/lanes.hpp>
-#include <iim/transpose.hpp>
+#include <iim/numerics/lanes.hpp>
+#include <iim/numerics/transpose.hpp>
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
 

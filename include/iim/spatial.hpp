@@ -7,7 +7,7 @@
 //     X(r) = [ 1  r̃ᵀ ; 0  1 ]        twist at x + r from the twist at x       (8), r = r_pi
 #pragma once
 
-#include <iim/triple.hpp>
+#include <iim/numerics/triple.hpp>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -390,4 +390,4 @@ struct SpatialInertia {
 
 }  // namespace iim
 
-#include <iim/inertia_columns.hpp>
+#include <iim/numerics/inertia_columns.hpp>

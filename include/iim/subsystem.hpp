@@ -12,8 +12,8 @@
 #pragma once
 
 #include <iim/body.hpp>
+#include <iim/numerics/turns.hpp>
 #include <iim/spatial.hpp>
-#include <iim/turns.hpp>
 
 #include <array>
 #include <concepts>

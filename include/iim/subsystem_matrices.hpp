@@ -2,7 +2,7 @@
 // The recursions never form them.
 #pragma once
 
-#include <iim/internal_inertia.hpp>
+#include <iim/pass/internal_inertia.hpp>
 #include <iim/receipt.hpp>
 
 #include <cassert>

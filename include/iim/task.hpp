@@ -12,10 +12,10 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/array.hpp>
 #include <iim/centroidal.hpp>
 #include <iim/errors.hpp>
 #include <iim/inputs.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/receipt.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>

@@ -6,9 +6,9 @@
 // long).
 #pragma once
 
-#include <iim/array.hpp>
 #include <iim/assembly.hpp>
 #include <iim/errors.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree_data.hpp>
 

@@ -1,10 +1,10 @@
 // What every tree keeps, however its topology is known: numbers, names, placements and bodies of its subsystems.
 #pragma once
 
-#include <iim/array.hpp>
 #include <iim/assembly.hpp>
 #include <iim/body.hpp>
 #include <iim/errors.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 

@@ -6,10 +6,10 @@
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/branches.hpp>
 #include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
-#include <iim/sweep.hpp>
+#include <iim/inversion/branches.hpp>
+#include <iim/inversion/sweep.hpp>
 #include <iim/workspace.hpp>
 
 #include <type_traits>

@@ -6,14 +6,14 @@
 // frame is asked for: inputs.add_force("left_foot"). The frame of a link is the one that URDF gives it, at its joint.
 // Coordinates are depth first, brothers in the alphabetical order of their joints (urdfdom's).
 //
-// Limits, damping and friction of joints are read (UrdfJoint), and are no part of the dynamics. Not read: shapes, safety
-// controllers, calibration.
+// Limits, damping and friction of joints are read (UrdfJoint), and are no part of the dynamics. Not read: shapes,
+// safety controllers, calibration.
 #pragma once
 
 #include <iim/errors.hpp>
-#include <iim/urdf_builder.hpp>
-#include <iim/urdf_file.hpp>
-#include <iim/urdf_robot.hpp>
+#include <iim/urdf/builder.hpp>
+#include <iim/urdf/file.hpp>
+#include <iim/urdf/robot.hpp>
 
 #include <fstream>
 #include <map>

@@ -1,19 +1,19 @@
 // What the O(n) pass leaves behind for the input-Jacobian methods: sized once, then only overwritten.
 #pragma once
 
-#include <iim/array.hpp>
-#include <iim/bodies_beyond.hpp>
-#include <iim/change_count.hpp>
-#include <iim/heavy_frames.hpp>
 #include <iim/node_state.hpp>
-#include <iim/parallel_axes.hpp>
-#include <iim/row_tape.hpp>
-#include <iim/second_look.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/numerics/change_count.hpp>
+#include <iim/numerics/turns.hpp>
+#include <iim/pass/bodies_beyond.hpp>
+#include <iim/pass/heavy_frames.hpp>
+#include <iim/pass/parallel_axes.hpp>
+#include <iim/pass/second_look.hpp>
 #include <iim/spatial.hpp>
-#include <iim/square_root.hpp>
+#include <iim/square_root/row_tape.hpp>
+#include <iim/square_root/square_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/tree.hpp>
-#include <iim/turns.hpp>
 #include <iim/update.hpp>
 
 #include <algorithm>

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <iim/errors.hpp>
+#include <iim/numerics/turns.hpp>
 #include <iim/subsystem.hpp>
-#include <iim/turns.hpp>
 
 #include <array>
 #include <cmath>

@@ -4,10 +4,10 @@
 #pragma once
 
 #include <iim/errors.hpp>
+#include <iim/numerics/turns.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/subsystem/joint.hpp>
 #include <iim/subsystem/rigid_link.hpp>
-#include <iim/turns.hpp>
 
 #include <cmath>
 #include <string>

@@ -1,0 +1,297 @@
+// Sums over all that a subsystem carries, whatever its types: Gᵢⱼ = Σ_b aᵢᵀ I_b aⱼ + Σ_r J_r (g_r aᵢ)(g_r aⱼ) for
+// accelerations a of a frame which the joints beyond it follow freely, q̈ = −W y.
+//
+// Body by body until A of a frame, all that this carries in one, is good enough for the sum: little of a motion that
+// meets a small inertia gets far, and a subsystem's sum takes as long in a chain of any length. (Counting subsystems
+// instead, 32 of them, B̂ of a limb under 10⁹ beside forty fingers had 2·10⁶ ε, if these were added first.)
+//
+// Of one acceleration in single numbers, or of up to eight or sixteen side by side (motion_products.hpp). Types do not
+// come into it: each subsystem has said once where its numbers are. (With a function of each type for any number of
+// accelerations the pass of a biped without rotors took 133 ns a joint instead of 96.)
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/pass/motion_products.hpp>
+#include <iim/scalar.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/tree_data.hpp>
+#include <iim/update.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <type_traits>
+
+namespace iim::detail {
+
+/// Whether small pivots are mended by such sums (weak_pivot.hpp).
+template <class Data>
+inline constexpr bool mends = Data::update == Update::projected && !bodies_first<typename Data::Scalar>;
+
+/// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
+inline constexpr Index most_one_by_one = 128;
+
+/// Of all subsystems of a workspace, in which it has to be: what is copied or moved to still knows where they were.
+template <class Scalar>
+class BodiesBeyond {
+public:
+  /// Where the numbers of a subsystem are.
+  struct Part {
+    const Matrix3<Scalar>* R;
+    const Vector3<Scalar>* r;
+    const Scalar* S;   ///< of all frames, 6 × n_i each
+    const Scalar* W;   ///< n_i × 6
+    const Scalar* C;   ///< n_i × n_i
+    const Scalar* qd;  ///< where there are rotors
+    int n_i, n_frames;
+    bool is_free;  ///< stays where it is, whatever its inlet does
+    std::size_t rotors_end, springs_end;
+  };
+  struct RotorPart {
+    int frame;  ///< that carries it; −1: the inlet
+    Vector3<Scalar> axis;
+    Scalar inertia;
+    bool coupled;
+    std::size_t ratio;
+  };
+  struct SpringPart {
+    const Scalar* inertia;
+    const Scalar* ratio;
+  };
+  const Part& part(Index i) const { return parts_[static_cast<std::size_t>(i)]; }
+  /// f(rotor, its ratios) of each rotor of subsystem i.
+  template <class F>
+  void for_each_rotor(Index i, F&& f) const
+  {
+    for (std::size_t k = i > 0 ? part(i - 1).rotors_end : 0; k < part(i).rotors_end; ++k) {
+      f(rotors_[k], ratios_.data() + rotors_[k].ratio);
+    }
+  }
+  /// f(inertia, ratios) of each spring.
+  template <class F>
+  void for_each_spring(Index i, F&& f) const
+  {
+    for (std::size_t k = i > 0 ? part(i - 1).springs_end : 0; k < part(i).springs_end; ++k) {
+      f(*springs_[k].inertia, springs_[k].ratio);
+    }
+  }
+
+  void clear()
+  {
+    parts_.clear();
+    rotors_.clear();
+    ratios_.clear();
+    springs_.clear();
+  }
+  /// The next subsystem.
+  template <class S, class State>
+  void add(const S& s, const State& state)
+  {
+    if constexpr (rotor_count<S>() > 0) {
+      for (const auto& rotor : s.rotors()) {
+        rotors_.push_back({rotor.frame, rotor.axis, rotor.inertia, rotor.coupled, ratios_.size()});
+        ratios_.append(rotor.ratio.data(), rotor.ratio.data() + S::n_i);
+      }
+    }
+    for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
+    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(),
+                      state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(), springs_.size()});
+    most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
+    has_wide_ |= !is_free<S>() && S::n_frames == 1 && S::n_i > 2 && rotor_count<S>() == 0;
+  }
+  /// After the last. mended: whether pivots are.
+  void allocate(const TreeData<Scalar>& tree, bool mended)
+  {
+    // As deep as the sums go: the tree, or what counts one by one and what hangs on that, with all that stands still.
+    Index depths = 0, still = 0, most_frames = 1;
+    for (const Node& node : tree.nodes()) {
+      depths = std::max<Index>(depths, tree.depth(node.index) + 1);
+      still += part(node.index).n_i == 0;
+      most_frames = std::max<Index>(most_frames, part(node.index).n_frames);
+    }
+    depths = std::min<Index>(depths, most_one_by_one + still + 4);
+    one_.allocate(depths, most_frames, most_velocities_);
+    if (!mended) { return; }
+    if (has_wide_) { sixteen_.allocate(depths, most_frames, most_velocities_); }
+    eight_.allocate(depths, most_frames, most_velocities_);
+  }
+
+  /// G += what hangs on subsystem `node`, whose first frame has the accelerations a, as far as is_enough(frame, its
+  /// accelerations, G) says of all frames of a subsystem that A of them is good enough for what hangs on them, but for
+  /// most_one_by_one subsystems outward at most. `springs`: of an implicit step.
+  template <class Lane, class Data, class Sum, class IsEnough>
+  [[gnu::noinline]] void add_up_until(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a, bool springs,
+                                      const Data& ws, Sum& G)
+  {
+    Room<Lane>& room = this->room<Lane>();
+    copy(a, room.of(0, 0));
+    const auto is_whole = [&](const Node& part, Index depth, const auto&) {
+      bool whole = true;
+      for (int k = 0; k < this->part(part.index).n_frames; ++k) {
+        whole &= is_enough(part.frame + k, room.of(depth, k), G);
+      }
+      return whole || depth > most_one_by_one;
+    };
+    add_beyond(node, is_whole, springs, ws, room, G);
+  }
+
+  /// Of subsystem `node` and what hangs on it, its inlet at rest, for column d of C, M̄_R⁻¹ = C Cᵀ: 1, but for what C or
+  /// W of those beyond are wrong by.
+  template <class Data>
+  [[gnu::noinline]] Scalar unit_of(const Node& node, int d, bool springs, const Data& ws)
+  {
+    const Part& part = parts_[static_cast<std::size_t>(node.index)];
+    Motions<Scalar> y;
+    y.fill(Scalar(0));
+    for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
+    Scalar G(0);
+    add_moved(node, 0, y, [](const Node&, Index, const auto&) { return false; }, springs, ws, one_, G);
+    add_beyond(node, CarriedApart{*this, node.index}, springs, ws, one_, G);
+    return G;
+  }
+
+private:
+  /// Accelerations of the frames of one subsystem at each depth, and of one subsystem's velocities.
+  template <class Lane>
+  struct Room {
+    Array<Motions<Lane>> frames;
+    Array<Lane> qdd;
+    Index most = 1;  ///< frames of a subsystem
+
+    void allocate(Index depths, Index frames_of_each, std::size_t velocities)
+    {
+      most = frames_of_each;
+      frames.resize(static_cast<std::size_t>(depths * most));
+      qdd.resize(velocities);
+    }
+    Motions<Lane>& of(Index depth, Index frame) { return frames[static_cast<std::size_t>(depth * most + frame)]; }
+  };
+
+  template <class Lane>
+  Room<Lane>& room()
+  {
+    if constexpr (std::is_same_v<Lane, Scalar>) {
+      return one_;
+    } else if constexpr (std::is_same_v<Lane, SixteenLanes<Scalar>>) {
+      return sixteen_;
+    } else {
+      return eight_;
+    }
+  }
+
+  /// What hangs on what hangs on a subsystem counts in one, but for most_one_by_one subsystems after it.
+  struct CarriedApart {
+    const BodiesBeyond& bodies;
+    Index index;
+
+    template <class Tree>
+    bool operator()(const Node& part, Index, const Tree& tree) const
+    {
+      if (part.subtree_end == part.index + 1 || part.index <= index + most_one_by_one) { return false; }
+      Index carrier = part.parent;  // but for what stands still on it
+      while (carrier != index && bodies.part(carrier).n_i == 0) { carrier = tree.node(carrier).parent; }
+      return carrier != index;
+    }
+  };
+
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] void add_beyond(const Node& node, const IsWhole& is_whole, bool springs, const Data& ws,
+                                         Room<Lane>& room, Sum& G) const
+  {
+    for (Index i = node.index + 1; i < node.subtree_end;) {
+      const Node& part = ws.tree().node(i);
+      const Index depth = ws.tree().depth(i) - ws.tree().depth(node.index);
+      const bool whole = add_part(part, depth, is_whole, springs, ws, room, G);
+      i = whole || this->part(i).is_free ? part.subtree_end : i + 1;
+    }
+  }
+
+  /// Whether it was with what hangs on its frames.
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] bool add_part(const Node& node, Index depth, const IsWhole& is_whole, bool springs,
+                                       const Data& ws, Room<Lane>& room, Sum& G) const
+  {
+    const Part& part = this->part(node.index);
+    const int n = part.n_i;
+    if (part.is_free) {
+      for (Lane& x : room.of(depth, 0)) { detail::clear<Scalar>(x); }
+      return false;
+    }
+    Motions<Lane> y;
+    copy(room.of(depth - 1, node.inlet - ws.tree().node(node.parent).frame), y);
+    move_twist(*part.r, y);
+    Lane* const qdd = room.qdd.data();
+    for (int d = 0; d < n; ++d) {
+      const Scalar* const W = part.W + d;
+      qdd[d] = -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
+    }
+    return add_moved(node, depth, y, is_whole, springs, ws, room, G);
+  }
+
+  /// Of a subsystem with guidance acceleration y and room.qdd.
+  template <class Lane, class Data, class Sum, class IsWhole>
+  [[gnu::always_inline]] bool add_moved(const Node& node, Index depth, const Motions<Lane>& y, const IsWhole& is_whole,
+                                        bool springs, const Data& ws, Room<Lane>& room, Sum& G) const
+  {
+    const Part& part = this->part(node.index);
+    const int n = part.n_i;
+    Lane* const qdd = room.qdd.data();
+    const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    add_body<Lane>(ws.tree().inlet_mass(node.index), *part.R, zero, y, G);
+    const Scalar* S = part.S;
+    for (int k = 0; k < part.n_frames; ++k) {
+      Motions<Lane> a;
+      copy(y, a);
+      for (int d = 0; d < n; ++d, S += 6) {
+#pragma GCC unroll 8
+        for (std::size_t i = 0; i < 6; ++i) { a[i] += qdd[d] * S[i]; }
+      }
+      copy(a, room.of(depth, k));
+    }
+    const bool whole = is_whole(node, depth, ws.tree());
+    for (int k = 0; k < part.n_frames; ++k) {
+      const Index frame = node.frame + k;
+      const auto& f = ws.frame(frame);
+      if (whole) {
+        add_inertia<Lane>(f.A, room.of(depth, k), G, ws.axes().of(frame));
+      } else {
+        add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, room.of(depth, k), G);
+      }
+    }
+    const auto spin = [&](const Scalar& inertia, const Lane& of_carrier, const Scalar* ratio) {
+      Lane rate = of_carrier;
+      for (int d = 0; d < n; ++d) { rate += qdd[d] * ratio[d]; }
+      add_products<Lane, 1>({rate}, {Lane(rate * inertia)}, G);
+    };
+    for_each_rotor(node.index, [&](const RotorPart& rotor, const Scalar* ratio) {
+      const bool on_inlet = rotor.frame < 0;
+      const Motions<Lane>& carrier = on_inlet ? y : room.of(depth, rotor.frame);
+      Vector3<Scalar> axis = zero;
+      if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
+      add_turning(carrier, rotor.inertia, G);
+      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratio);
+    });
+    if (springs) {
+      for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
+        Lane at_rest;
+        detail::clear<Scalar>(at_rest);
+        spin(inertia, at_rest, ratio);
+      });
+    }
+    return whole;
+  }
+
+  Array<Part> parts_;
+  Array<RotorPart> rotors_;
+  Array<Scalar> ratios_;
+  Array<SpringPart> springs_;
+  std::size_t most_velocities_ = 0;
+  bool has_wide_ = false;  // of those in more than eight lanes (mended_root.hpp)
+  Room<Scalar> one_;
+  Room<EightLanes<Scalar>> eight_;
+  Room<SixteenLanes<Scalar>> sixteen_;
+};
+
+}  // namespace iim::detail

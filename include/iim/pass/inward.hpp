@@ -1,0 +1,375 @@
+// The inward loop of the O(n) pass for one subsystem, (14)–(17): what the tree beyond a coupling point looks like from
+// there. In matrix form (Update::printed, projected); in square-root form: inward_root.hpp.
+#pragma once
+
+#include <iim/numerics/registers.hpp>
+#include <iim/numerics/spd.hpp>
+#include <iim/pass/articulated_inertia.hpp>
+#include <iim/pass/carried.hpp>
+#include <iim/pass/free_inward.hpp>
+#include <iim/pass/internal_inertia.hpp>
+#include <iim/pass/kinematics.hpp>
+#include <iim/pass/roundings.hpp>
+#include <iim/pass/turned_step.hpp>
+#include <iim/pass/weak_pivot.hpp>
+#include <iim/spatial.hpp>
+#include <iim/square_root/inward_root.hpp>
+#include <iim/square_root/mended_root.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/workspace.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+namespace iim::detail {
+
+/// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling
+/// point that comes with the inlet turning.
+template <Scene scene, class Scalar>
+[[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench,
+                                           const Vector3<Scalar>& c, const Vector3<Scalar>& r,
+                                           FrameState<Scalar>& inlet)
+{
+  TriplePair<Scalar> p = wrench;
+  if constexpr (scene.velocity) { p += A.of_linear(c); }
+  p.angular += cross(Triple<Scalar>::settled(r.data()), p.linear);
+  if constexpr (bodies_first<Scalar>) {
+    inlet.A.add_shifted(A, r);
+    p += TriplePair<Scalar>(inlet.h.data());
+  } else {
+    SpatialInertia<Scalar> moved = A.shifted(r);
+    if (inlet.arrived) {
+      moved += inlet.A;
+      p += TriplePair<Scalar>(inlet.h.data());
+    } else {
+      clear_size(inlet);
+    }
+    inlet.A = moved;  // once: g++ copies through memory what either branch assigns (pass of a chain 15 % more)
+  }
+  p.put(inlet.h.data());
+}
+
+/// Matrix form. receiver: the frame that takes what is handed on. (Inlined: called, a motor-arm's step takes 6 %
+/// longer.)
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline void matrix_inward(const Node& node, Index receiver, const S& s, NodeState<S>& state,
+                                                 Workspace& ws, Diagnosis& diagnosis,
+                                                 typename S::Scalar& largest_inverse)
+{
+  using Scalar = typename S::Scalar;
+  constexpr MotionPattern pattern = S::pattern;
+  constexpr int n_i = S::n_i;
+  constexpr int n_frames = S::n_frames;
+  constexpr int n_rotors = rotor_count<S>();
+  using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
+  using Columns = SixColumns<Scalar, n_i>;
+
+  // U, D, h_g, h_q over the frames.
+  std::array<Columns, n_frames> U_k;
+  Eigen::Matrix<Scalar, n_i, n_i> D;
+  TriplePair<Scalar> hg{};
+  VectorI hq, scale;
+  std::array<TriplePair<Scalar>, n_frames> size;
+  constexpr bool apart = !bodies_first<Scalar>;
+  std::array<Carried<Scalar>, apart ? n_frames : 1> carried;
+  const auto A_of = [&](std::size_t k) __attribute__((always_inline)) -> const SpatialInertia<Scalar>& {
+    if constexpr (apart) {
+      return carried[k].A;
+    } else {
+      return ws.frame(node.frame + static_cast<Index>(k)).A;
+    }
+  };
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { hq(d) = scale(d) = Scalar(0); }
+#pragma GCC unroll 2
+  for (int k = 0; k < n_frames; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    FrameState<Scalar>& f = ws.frame(node.frame + k);
+    const FrameMass<Scalar>& body = ws.tree().frame_mass(node.frame + k);
+    if constexpr (apart) { carried[at] = own_bodies<S, scene.velocity>(body, f); }
+    if constexpr (has_own_twist<S>() && apart) {
+      TriplePair<Scalar>& U_0 = U_k[0][0];
+      U_0 = own_column(state, f);
+      D(0, 0) = state.own.D;
+      if (f.arrived) {
+        Columns U_arrived;
+        inertia_times<pattern>(f.A, state.S_k[0], U_arrived);
+        add_joint_inertia<pattern>(state.S_k[0], U_arrived, false, D);
+        U_0 += U_arrived[0];
+      }
+      add_arrived(f, carried[at]);
+    } else {
+      if constexpr (apart) { add_arrived(f, carried[at]); }
+      inertia_times<pattern>(A_of(at), state.S_k[at], U_k[at]);
+      add_joint_inertia<pattern>(state.S_k[at], U_k[at], k == 0, D);
+    }
+    size[at] = largest(f, A_of(at));
+    add_scale<pattern>(size[at], state.S_k[at], scale);
+    const TriplePair<Scalar> h = apart ? carried[apart ? at : 0].h : TriplePair<Scalar>(f.h.data());
+    const TriplePair<Scalar> p = bias_wrench<scene, S>(A_of(at), h, f);
+#pragma GCC unroll 8
+    for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
+    if (k == 0) {
+      hg = p;
+    } else {
+      hg += p;
+    }
+  }
+  if constexpr (apart) {
+    for (int k = 0; k < n_frames; ++k) { keep(carried[static_cast<std::size_t>(k)], ws.frame(node.frame + k)); }
+  }
+  [[maybe_unused]] const VectorI scale_of_A = scale;
+  Columns U = U_k[0];
+#pragma GCC unroll 2
+  for (int k = 1; k < n_frames; ++k) {
+#pragma GCC unroll 8
+    for (int d = 0; d < n_i; ++d) { U[d] += U_k[static_cast<std::size_t>(k)][d]; }
+  }
+
+  // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
+  SpunRotors<S> spun;
+  if constexpr (n_rotors > 0) {
+    const auto rotors = s.rotors();
+    for (std::size_t k = 0; k < n_rotors; ++k) {
+      spun[k] = spin_rotor<scene, S>(node, rotors[k], state, ws);
+      const Scalar Jb = spun[k].J * spun[k].bias;
+#pragma GCC unroll 8
+      for (int d = 0; d < n_i; ++d) {
+        const Scalar Je = spun[k].J * spun[k].e(d);
+#pragma GCC unroll 8
+        for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
+        U[d].angular += spun[k].a * Je;
+        scale(d) += Je * spun[k].e(d);
+        hq(d) += Jb * spun[k].e(d);
+      }
+      if constexpr (scene.velocity) {
+        hg.angular += spun[k].a * Jb;
+        add_gyroscopic(spun[k], rotors[k], state, hg, hq);
+      }
+    }
+  }
+
+  if constexpr (scene.implicit) {
+    for (const auto& spring : state.springs) {
+      add_spring(spring, D);
+#pragma GCC unroll 8
+      for (int d = 0; d < n_i; ++d) { scale(d) += spring.inertia * spring.ratio(d) * spring.ratio(d); }
+    }
+  }
+
+  [[maybe_unused]] const VectorI unloaded = hq;
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { hq(d) -= ws.load()(node.v + d); }
+  bool weak = loses(D, scale);
+  [[maybe_unused]] bool mended = false;
+  if constexpr (mends_pivots<S, Workspace>()) {
+    if (weak) [[unlikely]] {
+      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), scene.implicit, ws);
+      mended = ScalarTraits<Scalar>::is_positive(pivot.D);
+      if (mended) {
+        TriplePair<Scalar> all = U_k[0][0] = pivot.U;
+        Scalar moved = pivot.D;
+        add_inertia_within<scene.implicit, S>(state, spun, all, moved);
+        U[0] = all;
+        D(0, 0) = moved;
+        weak = false;
+      }
+    }
+  }
+  VectorI along;
+  bool losing = false;
+  for (int k = 0; k < n_frames; ++k) { losing |= ws.frame(node.frame + k).loses; }
+  if (losing || weak) [[unlikely]] {
+    along = along_loss(&ws.frame(node.frame), state);
+    for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
+  }
+  Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
+  bool positive = invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv);
+  Columns W;
+  if constexpr (mends_roots<S, Workspace>()) {
+    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
+        !has_inertia_within<scene.implicit, S>(state, spun)) [[unlikely]] {
+      mended = mend<pattern>(node, state.S_k[0], size[0], scene.implicit, ws,
+                             Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, W, carried[0].A, positive});
+      weak = weak && !mended;
+    }
+  }
+  if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
+  if constexpr (mends_any<S, Workspace>()) {
+    for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
+  }
+  state.MbarR = D;
+  state.MbarR_inv = D_inv;
+  state.psi = product(D_inv, hq);
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) {
+    if (!(mends_roots<S, Workspace>() && mended)) [[likely]] {
+      W[d] = U[0] * D_inv(d, 0);
+#pragma GCC unroll 8
+      for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
+    }
+    if constexpr (n_i == 1) {
+      W[0].put(state.W.data());
+    } else {
+#pragma GCC unroll 8
+      for (int j = 0; j < 6; ++j) { state.W(d, j) = W[d](j); }
+    }
+  }
+  if (node.inlet < 0) { return; }
+
+  if constexpr (mends_pivots<S, Workspace>()) {
+    if (mended) [[unlikely]] {
+      const TriplePair<Scalar> column = column_of<pattern>(state.S_k[0], 0);
+      if (has_inertia_within<scene.implicit, S>(state, spun)) {
+        carried[0].A = with_column(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U_k[0][0]));
+      } else {  // A S = 0 from here on: `projected` leaves it as it is
+        const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+        carried[0].A =
+            across(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U[0]), TriplePair<Scalar>(W[0]));
+        U_k[0][0] = {zero, zero};
+      }
+    }
+  }
+
+  // What the parent sees, before the shift to its own point.
+  const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
+    const SpatialInertia<Scalar>& A_k = A_of(k);
+    if constexpr (mends_roots<S, Workspace>()) {
+      return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
+    } else if constexpr (Workspace::update == Update::projected) {
+      return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
+    } else {
+      return A_k;
+    }
+  };
+  SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
+  for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
+  for (const SpunRotor<S>& rotor : spun) {
+    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
+    if constexpr (Workspace::update == Update::projected) {
+#pragma GCC unroll 8
+      for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
+    }
+    add_square(rotor.J, z, A);
+    // |z| ≤ 1 is wrong by ε.
+    const Triple<Scalar> Jz = z.angular * rotor.J, zero(Scalar(0), Scalar(0), Scalar(0));
+    size[0].angular = max(size[0].angular, max(Jz, zero - Jz));
+  }
+  if constexpr (scene.implicit && Workspace::update == Update::projected) {
+    for (const auto& spring : state.springs) {
+      TriplePair<Scalar> z = W[0] * spring.ratio(0);
+#pragma GCC unroll 8
+      for (int d = 1; d < n_i; ++d) { z += W[d] * spring.ratio(d); }
+      add_square(spring.inertia, z, A);
+    }
+  }
+  if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
+
+  add_inlet_bodies<scene>(node, state, ws, A, hg);
+#pragma GCC unroll 8
+  for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
+  if constexpr (turns_about_axis<S>()) {
+    FreeAxis<Scalar>* const axis = ws.axis_of(node.index);
+    if (axis != nullptr) [[unlikely]] { set_axis<scene>(node, s, state, spun, unloaded(0), ws, *axis); }
+  }
+  FrameState<Scalar>& inlet = ws.frame(receiver);
+  hand_on<scene>(A, hg, state.c, state.r, inlet);
+  for (const TriplePair<Scalar>& largest_of_frame : size) { pass_size(largest_of_frame, state.r, inlet); }
+  if (losing || weak) [[unlikely]] { pass_loss(&ws.frame(node.frame), state, scale_of_A, along, weak, inlet); }
+}
+
+/// A subsystem without internal velocities hands on what it carries.
+template <Scene scene, class S, class Workspace>
+void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
+{
+  using Scalar = typename S::Scalar;
+  if (node.inlet < 0) {
+    if constexpr (Workspace::update == Update::square_root) {
+      for (int k = 0; k < S::n_frames; ++k) { ws.rows(node.frame + k).count = 0; }
+    }
+    return;
+  }
+  [[maybe_unused]] FrameState<Scalar>& inlet = ws.frame(node.inlet);
+#pragma GCC unroll 2
+  for (int k = 0; k < S::n_frames; ++k) {
+    FrameState<Scalar>& f = ws.frame(node.frame + k);
+    if constexpr (Workspace::update == Update::square_root) {
+      share_axis<S>(node, state, false, ws);
+      put_wrench<S>(node, state, TriplePair<Scalar>(f.h.data()), Scalar(0), ws);
+      in_one_function<Scalar>([&] { fixed_root_inward<scene>(node, state, k, ws); });
+      ws.rows(node.frame + k).count = 0;
+    } else {
+      Carried<Scalar> all;
+      if constexpr (bodies_first<Scalar>) {
+        all = {f.A, TriplePair<Scalar>(f.h.data())};
+      } else {
+        all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame + k), f);
+        add_arrived(f, all);
+      }
+      const TriplePair<Scalar> size = largest(f, all.A);
+      keep(all, f);
+      if (k == 0) { add_inlet_bodies<scene>(node, state, ws, all.A, all.h); }
+      hand_on<scene>(all.A, all.h, state.c, state.r, inlet);
+      pass_size(size, state.r, inlet);
+      if (f.loses) [[unlikely]] { add_loss(f.loss, state.r, inlet); }
+    }
+  }
+}
+
+/// Workspace: its part that depends on Scalar and update alone.
+template <Scene scene, class S, class Workspace>
+void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
+            [[maybe_unused]] typename S::Scalar& largest_inverse)
+{
+  if constexpr (Workspace::update == Update::square_root) {
+    if constexpr (S::n_i == 0) {
+      rigid_inward<scene>(node, state, ws);
+    } else {
+      square_root_inward<scene>(node, s, state, ws, diagnosis);
+    }
+  } else {
+    Index receiver = node.inlet;
+    if (node.inlet >= 0) {
+      if constexpr (turns_about_axis<S>()) {
+        const auto* const axis = ws.axis_of(node.index);
+        if (axis != nullptr && axis->receiver >= 0) [[unlikely]] {
+          receiver = axis->receiver;
+          ws.frame(receiver).arrived = false;
+        }
+      }
+    }
+    if constexpr (bodies_first<typename S::Scalar>) {
+      for (int k = 0; k < S::n_frames; ++k) { arrive<scene.velocity>(node.frame + k, ws); }
+      if (receiver >= 0) { arrive<scene.velocity>(receiver, ws); }
+    }
+    TurnedStep<Workspace> step;
+    const bool turned = ws.axes().turned();
+    if (turned) [[unlikely]] { step.enter(node.frame, node.inlet, receiver, StepData(state), ws); }
+    if constexpr (S::n_i == 0) {
+      rigid_inward<scene>(node, state, ws);
+    } else if constexpr (is_free<S>()) {
+      free_matrix_inward<scene>(node, state, ws, diagnosis, largest_inverse);
+    } else {
+      matrix_inward<scene>(node, receiver, s, state, ws, diagnosis, largest_inverse);
+    }
+    if (turned) [[unlikely]] {
+      step.leave(node.frame, node.inlet, receiver, StepData(state), ws);
+      if constexpr (is_free<S>()) {
+        FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.frame);
+        step.turn_to_world(ws.frame(node.frame).Vdot.data(), 2);
+        step.turn_to_world(axis.rest.data(), 2);
+        step.turn_to_world(axis.E.data(), 12);
+      }
+      if (receiver != node.inlet) {
+        FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.inlet);
+        step.turn_to_inlet(axis.S.data(), 2);
+        step.turn_to_inlet(axis.held.data(), 2);
+      }
+    }
+  }
+}
+
+}  // namespace iim::detail

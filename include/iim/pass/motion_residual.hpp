@@ -1,0 +1,332 @@
+// What the equations of motion leave of accelerations x that loads τ are said to give, as accelerations:
+//
+//     δx = M⁻¹ (τ − M x),        M x by the balance of each joint at the accelerations of all bodies, M⁻¹ by W and C
+//
+// and what the roundings of these sums may be in it. In matrix form, one state.
+#pragma once
+
+#include <iim/body.hpp>
+#include <iim/node_state.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/numerics/triple.hpp>
+#include <iim/pass/bodies_beyond.hpp>
+#include <iim/pass/parallel_axes.hpp>
+#include <iim/scalar.hpp>
+#include <iim/spatial.hpp>
+#include <iim/subsystem.hpp>
+#include <iim/tree_data.hpp>
+
+#include <algorithm>
+#include <cstddef>
+
+namespace iim::detail {
+
+/// |x|; of NaN NaN.
+template <class Scalar>
+Scalar magnitude(const Scalar& x)
+{
+  return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x);
+}
+/// The larger of two, a if b is NaN.
+template <class Scalar>
+Scalar larger(const Scalar& a, const Scalar& b)
+{
+  return ScalarTraits<Scalar>::is_positive(b - a) ? b : a;
+}
+template <class Scalar>
+Scalar largest_of(const Triple<Scalar>& x)
+{
+  return larger(magnitude(x(0)), larger(magnitude(x(1)), magnitude(x(2))));
+}
+template <class Scalar>
+Scalar largest_of(const TriplePair<Scalar>& x)
+{
+  return larger(largest_of(x.linear), largest_of(x.angular));
+}
+
+/// Whether a subsystem hangs on a free body, or on what is fixed to one.
+template <class Data>
+bool is_on_free(const Node& node, Data& ws)
+{
+  for (Index i = node.parent; i >= 0; i = ws.tree().node(i).parent) {
+    const auto& part = ws.bodies_beyond().part(i);
+    if (part.is_free || part.n_i > 0) { return part.is_free; }
+  }
+  return false;
+}
+
+/// Room for it, and the sums. Workspace: its part that depends on Scalar and update alone.
+template <class Scalar>
+class MotionResidual {
+  using Pair = TriplePair<Scalar>;
+
+public:
+  /// most: velocities of a subsystem.
+  [[gnu::cold]] void allocate(Index subsystem_frames, Index velocities, Index most)
+  {
+    Vector6<Scalar> zero;
+    zero.setZero();
+    for (auto* const of_frames : {&accelerations_, &forces_, &moves_}) {
+      of_frames->resize(at(subsystem_frames), zero);
+    }
+    sizes_.resize(at(subsystem_frames));
+    for (Array<Scalar>* const of_velocities : {&load_, &x_, &change_, &unseen_}) {
+      of_velocities->resize(at(velocities), Scalar(0));
+    }
+    scaled_.resize(at(most), Scalar(0));
+    terms_.resize(at(most), Scalar(0));
+  }
+
+  Scalar& load(Index v) { return load_[at(v)]; }                    ///< τ
+  Scalar& x(Index v) { return x_[at(v)]; }                          ///< acceleration
+  Vector6<Scalar>& x_of(Index f) { return accelerations_[at(f)]; }  ///< of a frame, at its coupling point
+  const Scalar& change(Index v) const { return change_[at(v)]; }    ///< δx
+  /// Times ε: how large roundings in δx may be, as far as W y and the terms of h tell.
+  const Scalar& unseen(Index v) const { return unseen_[at(v)]; }
+
+  /// x = 0.
+  void stand_still()
+  {
+    std::fill(x_.begin(), x_.end(), Scalar(0));
+    for (Vector6<Scalar>& acceleration : accelerations_) { acceleration.setZero(); }
+  }
+  /// δx. velocity, gravity, springs: of the scene. apply(f): f(frame, wrench) for what is applied to frames. judged:
+  /// `unseen` as well, which takes four times as long again.
+  template <bool judged = true, class Data, class Apply>
+  void compute(bool velocity, bool gravity, bool springs, Data& ws, Apply&& apply)
+  {
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) {
+      const FrameState<Scalar>& frame = ws.frame(f);
+      const Pair wrench = body_wrench(velocity, ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega),
+                                      Pair(accelerations_[at(f)].data()));
+      wrench.put(forces_[at(f)].data());
+      moves_[at(f)].setZero();
+      if constexpr (judged) { sizes_[at(f)] = Sizes(wrench); }
+    }
+    apply([&](Index frame, const Vector6<Scalar>& wrench) {
+      forces_[at(frame)] -= wrench;
+      if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
+    });
+    for (Index i = ws.tree().size(); i-- > 0;) { balance<judged>(ws.tree().node(i), velocity, gravity, springs, ws); }
+    for (const Node& node : ws.tree().nodes()) { follow<judged>(node, ws); }
+  }
+  /// x += δx.
+  void add_change()
+  {
+    for (std::size_t v = 0; v < x_.size(); ++v) { x_[v] += change_[v]; }
+    for (std::size_t f = 0; f < moves_.size(); ++f) { accelerations_[f] += moves_[f]; }
+  }
+
+private:
+  /// How large the numbers are that sums are of.
+  struct Sizes {
+    Scalar force = Scalar(0), moment = Scalar(0);
+    Scalar acceleration = Scalar(0);  ///< on the way to a frame
+
+    Sizes() = default;
+    explicit Sizes(const Pair& wrench) : force(largest_of(wrench.linear)), moment(largest_of(wrench.angular)) {}
+    Sizes& operator+=(const Sizes& other)
+    {
+      force += other.force;
+      moment += other.moment;
+      return *this;
+    }
+  };
+
+  /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
+  /// Bu − h − M q̈ of its velocities; and M⁻¹ of it on the way inward, `move` being the wrench that h makes there.
+  template <bool judged, class Data>
+  void balance(const Node& node, bool velocity, bool gravity, bool springs, Data& ws)
+  {
+    const auto& part = ws.bodies_beyond().part(node.index);
+    const int n = part.n_i;
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    Pair y(zero, zero), to_inlet(zero, zero), wrench_to_inlet(zero, zero);
+    Triple<Scalar> omega = zero;  // of the inlet
+    if (node.inlet >= 0) {
+      y = shifted(*part.r, Pair(accelerations_[at(node.inlet)].data()));
+      if (velocity) {
+        omega = triple(ws.frame(node.inlet).omega);
+        y.linear += cross(omega, cross(omega, triple(*part.r)));
+      }
+    } else if (gravity) {
+      const Vector3<Scalar>& g = ws.tree().gravity();
+      y.linear = Triple<Scalar>(-g(0), -g(1), -g(2));
+    }
+    const auto rate_of = [&](const Scalar* ratio, const Scalar* rates) {
+      Scalar rate(0);
+      for (int d = 0; d < n; ++d) { rate += ratio[d] * rates[d]; }
+      return rate;
+    };
+    Scalar* const h = change_.data() + node.v;
+    const Scalar* const x = x_.data() + node.v;
+    for (int d = 0; d < n; ++d) { h[d] = load_[at(node.v + d)]; }
+    const auto resist = [&](const Scalar& force, const Scalar* ratio) {
+      for (int d = 0; d < n; ++d) { h[d] -= ratio[d] * force; }
+    };
+    ws.bodies_beyond().for_each_rotor(node.index, [&](const auto& rotor, const Scalar* ratio) {
+      const bool on_inlet = rotor.frame < 0;
+      const Index frame = node.frame + std::max(rotor.frame, 0);
+      const FrameState<Scalar>& f = ws.frame(frame);
+      Triple<Scalar> axis = zero;
+      if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
+      const Triple<Scalar> turning = on_inlet ? y.angular : Triple<Scalar>(accelerations_[at(frame)].data() + 3);
+      const Scalar force = rotor.inertia * (dot(axis, turning) + rate_of(ratio, x));
+      resist(force, ratio);
+      Triple<Scalar> moment = axis * force;
+      if (velocity) {
+        const Triple<Scalar> w = on_inlet ? omega : triple(f.omega);
+        moment += cross(w, axis) * (rotor.inertia * (dot(axis, w) + rate_of(ratio, part.qd)));
+      }
+      if (on_inlet) {
+        to_inlet.angular += moment;
+      } else {
+        const Pair turns(zero, moment);
+        add_to(forces_[at(frame)], turns);
+        if constexpr (judged) { sizes_[at(frame)] += Sizes(turns); }
+      }
+    });
+    if (springs) {
+      ws.bodies_beyond().for_each_spring(
+          node.index, [&](const Scalar& inertia, const Scalar* ratio) { resist(inertia * rate_of(ratio, x), ratio); });
+    }
+    to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R,
+                            Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
+    Sizes sizes;
+    Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
+    if constexpr (judged) {
+      sizes = Sizes(to_inlet);
+      for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
+    }
+    for (int k = 0; k < part.n_frames; ++k) {
+      const Sizes& of_frame = sizes_[at(node.frame + k)];
+      if constexpr (judged) { sizes += of_frame; }
+      Pair all(forces_[at(node.frame + k)].data());
+      to_inlet += all;
+      const Pair move(moves_[at(node.frame + k)].data());
+      wrench_to_inlet += move;
+      all += move;
+      for (int d = 0; d < n; ++d) {
+        const Pair S(part.S + 6 * (k * n + d));
+        h[d] -= dot(S, all);
+        if constexpr (judged) {
+          terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
+        }
+      }
+    }
+    // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
+    const bool hangs_free = judged && (part.is_free || is_on_free(node, ws));
+    Scalar* const scaled = scaled_.data();
+    for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
+    for (int d = 0; d < n; ++d) {
+      const Pair W = gain(part, d);
+      if constexpr (judged) {
+        Scalar& unseen = unseen_[at(node.v + d)];
+        unseen = largest_of(W) * largest_of(y);
+        for (int e = 0; e < n && !hangs_free; ++e) {
+          Scalar inverse(0);  // entry of M̄_R⁻¹
+          for (int c = 0; c < n; ++c) { inverse += part.C[c * n + d] * part.C[c * n + e]; }
+          unseen += magnitude(inverse) * terms[e];
+        }
+      }
+      wrench_to_inlet += W * h[d];
+      h[d] = Scalar(0);
+      for (int e = 0; e < n; ++e) { h[d] += part.C[e * n + d] * scaled[e]; }
+    }
+    if (node.inlet < 0 || part.is_free) { return; }
+    add_to(forces_[at(node.inlet)], moved(*part.r, to_inlet));
+    add_to(moves_[at(node.inlet)], moved(*part.r, wrench_to_inlet));
+    if constexpr (judged) {
+      sizes.moment += largest_of(triple(*part.r)) * sizes.force;
+      sizes_[at(node.inlet)] += sizes;
+    }
+  }
+
+  /// δx of a subsystem, and δV̇ of its frames.
+  template <bool judged, class Data>
+  void follow(const Node& node, Data& ws)
+  {
+    const auto& part = ws.bodies_beyond().part(node.index);
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    Pair y(zero, zero);
+    Scalar size(0);
+    if (node.inlet >= 0) {
+      y = shifted(*part.r, Pair(moves_[at(node.inlet)].data()));
+      if constexpr (judged) { size = sizes_[at(node.inlet)].acceleration; }
+    }
+    // A free body within a tree stands still while its inlet moves: q̈ is a difference of which nothing may be left.
+    const Scalar uncertain = Scalar(part.is_free ? 16 : 1) * size;
+    if (part.is_free) { size = Scalar(0); }
+    Scalar* const change = change_.data() + node.v;
+    for (int d = 0; d < part.n_i; ++d) {
+      const Pair W = gain(part, d);
+      change[d] -= dot(W, y);
+      if constexpr (judged) { unseen_[at(node.v + d)] += largest_of(W) * uncertain; }
+    }
+    for (int k = 0; k < part.n_frames; ++k) {
+      Pair move = y;
+      for (int d = 0; d < part.n_i; ++d) { move += Pair(part.S + 6 * (k * part.n_i + d)) * change[d]; }
+      move.put(moves_[at(node.frame + k)].data());
+      if constexpr (judged) {
+        Scalar of_frame = larger(size, largest_of(Pair(accelerations_[at(node.frame + k)].data())));
+        for (int d = 0; d < part.n_i; ++d) {
+          Scalar rate = magnitude(x_[at(node.v + d)]);
+          if (part.is_free) { rate += unseen_[at(node.v + d)]; }
+          of_frame = larger(of_frame, Scalar(largest_of(Pair(part.S + 6 * (k * part.n_i + d))) * rate));
+        }
+        sizes_[at(node.frame + k)].acceleration = of_frame;
+      }
+    }
+  }
+
+  /// Row d of W.
+  template <class Part>
+  static Pair gain(const Part& part, int d)
+  {
+    const Scalar* const W = part.W + d;
+    const int n = part.n_i;
+    return {{W[0], W[n], W[2 * n]}, {W[3 * n], W[4 * n], W[5 * n]}};
+  }
+  static void add_to(Vector6<Scalar>& sum, const Pair& x)
+  {
+    for (int i = 0; i < 6; ++i) { sum(i) += x(i); }
+  }
+  /// A twist about the point r away.
+  static Pair shifted(const Vector3<Scalar>& r, const Pair& V)
+  {
+    return {V.linear + cross(V.angular, triple(r)), V.angular};
+  }
+  /// A wrench from there.
+  static Pair moved(const Vector3<Scalar>& r, const Pair& w)
+  {
+    return {w.linear, w.angular + cross(triple(r), w.linear)};
+  }
+
+  /// On the body of a frame that has the acceleration V̇ at its coupling point: about that point.
+  static Pair body_wrench(bool velocity, const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
+                          const Vector3<Scalar>& r, const Triple<Scalar>& omega, const Pair& Vdot)
+  {
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    if (!body.present) { return {zero, zero}; }
+    const TransposedRotation<Scalar> back(R);
+    const Triple<Scalar> centre = combined(R, triple(body.com)) + triple(r);
+    Triple<Scalar> a = Vdot.linear + cross(Vdot.angular, centre);
+    Triple<Scalar> moment = combined(body.central_inertia, back * Vdot.angular);
+    if (velocity) {
+      const Triple<Scalar> own = back * omega;
+      a += cross(omega, cross(omega, centre));
+      moment += cross(own, combined(body.central_inertia, own));
+    }
+    const Triple<Scalar> force = a * body.mass;
+    return {force, combined(R, moment) + cross(centre, force)};
+  }
+
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  Array<Scalar> load_, x_, change_, unseen_;               // of velocities
+  Array<Vector6<Scalar>> accelerations_, forces_, moves_;  // of frames
+  Array<Sizes> sizes_;
+  Array<Scalar> scaled_, terms_;  // of one subsystem
+};
+
+}  // namespace iim::detail
