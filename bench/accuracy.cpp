@@ -1,9 +1,9 @@
 // PROGRAM: iim_accuracy
 // REQUIRES: boost benchmark
 // Error against run time of every method, frame convention, update and scalar; how each of them stands extreme scenes.
-#include "accuracy_report.hpp"
-#include "accuracy_robots.hpp"
-#include "machine.hpp"
+#include "accuracy/report.hpp"
+#include "accuracy/robots.hpp"
+#include "common/machine.hpp"
 
 #include <iim_build_info.hpp>
 
@@ -85,8 +85,8 @@ void write_scene_part(const Options& options, Report& report, std::vector<Figure
       "exact result moves if every number of the model, of q and of q̇ moves by at most one ε of the scalar (random): "
       "no "
       "algorithm can be expected to stay below it. A status in place of a number is what the variant returned instead "
-      "of a result. Body-fixed and common frames are bench/frame_conventions.hpp, B̂ by unit forces; they are written "
-      "plainly, so that their errors can be compared with the library's, their times only with each other.");
+      "of a result. Body-fixed and common frames are bench/accuracy/frame_conventions.hpp, B̂ by unit forces; they are "
+      "written plainly, so that their errors can be compared with the library's, their times only with each other.");
   for (const AccuracyResult& result : results) {
     if (!result.scene.timed) { continue; }
     report.section(result.scene.name);

@@ -6,17 +6,17 @@
 // Before any time is taken, every path of every library must agree with iim on q̈₀ and B̂ at the states of the pool (of
 // more than 100 velocities: at the first of them); one that does not is a failure of the program. A library that is not
 // installed, or that fails at the first state of a model, is named.
-#include "peers.hpp"
+#include "peers/peers.hpp"
 
-#include "machine.hpp"
-#include "peers_compile.hpp"
-#include "peers_iim.hpp"
-#include "peers_models.hpp"
-#include "peers_process.hpp"
-#include "peers_report.hpp"
-#include "peers_several.hpp"
-#include "peers_timing.hpp"
-#include "peers_worker.hpp"
+#include "common/machine.hpp"
+#include "peers/compile.hpp"
+#include "peers/iim.hpp"
+#include "peers/models.hpp"
+#include "peers/process.hpp"
+#include "peers/report.hpp"
+#include "peers/several.hpp"
+#include "peers/timing.hpp"
+#include "peers/worker.hpp"
 
 #include <iim_build_info.hpp>
 
@@ -250,7 +250,7 @@ void write(const Options& options, const std::vector<Row>& rows, const std::vect
     generated.markdown(out);
   }
   out << "\n## Compile time and size\n\nA controller that includes `iim/iim.hpp` with the run-time biped "
-         "(`bench/peers_controller.cpp`), by the compiler and flags above, on one core: "
+         "(`bench/peers/controller.cpp`), by the compiler and flags above, on one core: "
       << compiled << ".\n";
 
   const std::map<std::string, std::string> remarks = what_and_where(rows);

@@ -2,11 +2,11 @@
 // Several states at once against one after the other: same states, one core, one run; and against the core's peak.
 //
 //     iim_several [--quick] [--out DIR]       DIR/several.md
-#include "several.hpp"
+#include "several/several.hpp"
 
-#include "machine.hpp"
-#include "report.hpp"
-#include "table.hpp"
+#include "common/machine.hpp"
+#include "common/report.hpp"
+#include "common/table.hpp"
 
 #include <iim_build_info.hpp>
 

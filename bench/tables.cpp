@@ -1,11 +1,11 @@
 // PROGRAM: iim_tables
 // REQUIRES: benchmark boost
 // The paper's study, Sect. 5: Figs. 3 and 4, Tables 1 to 3, for all methods of the library.
-#include "machine.hpp"
-#include "tables_cost.hpp"
-#include "tables_methods.hpp"
-#include "tables_report.hpp"
-#include "tables_study.hpp"
+#include "common/machine.hpp"
+#include "tables/cost.hpp"
+#include "tables/methods.hpp"
+#include "tables/report.hpp"
+#include "tables/study.hpp"
 
 #include <iim_build_info.hpp>
 

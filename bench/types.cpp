@@ -1,8 +1,8 @@
 // PROGRAM: iim_types
 // What a modelling choice costs: operations and time of every type of subsystem; the legged machine by all methods.
-#include "types.hpp"
-#include "machine.hpp"
-#include "report.hpp"
+#include "types/types.hpp"
+#include "common/machine.hpp"
+#include "common/report.hpp"
 
 #include <iim_build_info.hpp>
 

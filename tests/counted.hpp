@@ -1,7 +1,7 @@
 // What a scene costs as a number, without noise.
 #pragma once
 
-#include "../bench/counted.hpp"
+#include "../bench/common/counted.hpp"
 
 namespace iim::test {
 

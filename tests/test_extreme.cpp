@@ -3,8 +3,8 @@
 // the sensitivity are those of the accuracy report. In ε of the Scalar.
 #include "catch.hpp"
 
-#include "../bench/accuracy_bounds.cpp"
-#include "../bench/accuracy_scenes.cpp"
+#include "../bench/accuracy/bounds.cpp"
+#include "../bench/accuracy/scenes.cpp"
 
 #include <algorithm>
 #include <cstdio>

@@ -1,5 +1,5 @@
 // The frames that the accuracy report compares with: the same q̈₀ and B̂ as the library's in each of them.
-#include "../bench/frame_conventions.hpp"
+#include "../bench/accuracy/frame_conventions.hpp"
 
 #include <catch.hpp>
 
