@@ -4,7 +4,7 @@
 #   // OPTIONAL: pinocchio        packages that it uses where they are there: then IIM_WITH_PINOCCHIO is defined
 #   // LABELS: slow              ctest labels
 #   // ASSERTIONS: off          (tests) compiled without them
-#   // RUNS: long               (tests) optimised even where the others are not: without, one runs for minutes
+#   // RUNS: optimised          (tests) even where the others are not: one would take minutes, another see nothing
 #   // PROGRAM: NAME             (bench) the program whose main() stands in this file; (tests) that it is compiled into
 #   // PART OF: NAME             (bench) a further source file of that program
 include_guard(GLOBAL)

@@ -1,4 +1,4 @@
-// RUNS: long
+// RUNS: optimised
 // Stiff machines over seconds: the linearly implicit step where an explicit one blows up.
 #include "catch.hpp"
 

@@ -16,22 +16,22 @@
 namespace iim {
 
 /// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the
-/// subsystem that moves the frame.
+/// subsystem that moves the frame. (What is no number comes last: Triple::settled.)
 template <class Scalar>
 struct FrameState {
   Matrix3<Scalar> R;         ///< frame to world
   Vector3<Scalar> r;         ///< frame origin from the coupling point [m]
   Vector3<Scalar> omega;     ///< angular velocity [rad/s]
   Vector6<Scalar> bias;      ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
-  bool offset = false;       ///< whether the frame's bodies are about another point than the coupling point
-  bool arrived = false;      ///< on the way inward: whether anything has come to A, h and size
-  bool loses = false;        ///< whether loss is, and large against A
+  Vector6<Scalar> h;         ///< bias wrench of what A is the inertia of
   SpatialInertia<Scalar> A;  ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries);
                              ///< before the frame's own step inward, of what hangs on it
-  Vector6<Scalar> h;         ///< bias wrench of the same
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
   detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
   Vector6<Scalar> Vdot;             ///< acceleration
+  bool offset = false;              ///< whether the frame's bodies are about another point than the coupling point
+  bool arrived = false;             ///< on the way inward: whether anything has come to A, h and size
+  bool loses = false;               ///< whether loss is, and large against A
 
   /// The point that the frame's bodies are about, from the coupling point.
   Vector3<Scalar> bodies_at() const { return offset ? r : Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)); }
