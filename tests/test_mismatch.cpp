@@ -1,4 +1,4 @@
-// ASSERTIONS: off
+// FLAGS: -DNDEBUG
 // What does not belong together is a status or a ModelError, never a number, where assertions are off.
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -6,9 +6,11 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <numbers>
@@ -56,16 +58,21 @@ struct BitsOf<float> {
   static constexpr int terms = 5;
 };
 
+/// What a vector register holds, of it no more than Eigen aligns (EIGEN_DONT_VECTORIZE, EIGEN_MAX_ALIGN_BYTES).
+inline constexpr int lanes_bytes =
+    std::min({register_bytes, std::max(16, EIGEN_DEFAULT_ALIGN_BYTES),
+              EIGEN_MAX_STATIC_ALIGN_BYTES > 0 ? EIGEN_MAX_STATIC_ALIGN_BYTES : register_bytes});
+
 }  // namespace detail
 
 /// N numbers, one of each of N states. (A register as in Row; <experimental/simd>, which consists of such, takes 0.8 s
 /// to compile, and clang does not contract its products and sums.) T: double or float. N: by default what a vector
 /// register holds.
-template <class T, int N = detail::register_bytes / static_cast<int>(sizeof(T))>
+template <class T, int N = detail::lanes_bytes / static_cast<int>(sizeof(T))>
 class Lanes {
   static_assert(std::is_same_v<T, double> || std::is_same_v<T, float>);
-  static_assert(N > 0 && (N & (N - 1)) == 0 && N * static_cast<int>(sizeof(T)) <= detail::register_bytes,
-                "Lanes: a power of two that fits into one vector register");
+  static_assert(N > 0 && (N & (N - 1)) == 0 && N * static_cast<int>(sizeof(T)) <= detail::lanes_bytes,
+                "Lanes: a power of two that fits into one vector register, and that Eigen aligns");
   using BitTraits = detail::BitsOf<T>;
   using Word = typename BitTraits::Type;
   using Vector = typename detail::VectorOf<T, N>::Type;
@@ -285,33 +292,40 @@ private:
   /// of one angle share them.
   [[gnu::always_inline]] static inline Lanes sine(const Lanes& angle, int quarter_turns)
   {
-#if !defined(__FAST_MATH__) && !defined(__ASSOCIATIVE_MATH__)  // which would put the parts of π/2 together again
-    const Words magnitude = words(angle) & ~words(Lanes(T(-0.0)));
-    if (!any_sign(words(Lanes(BitTraits::largest_angle)) - magnitude)) {
-      const Lanes shifted = angle * Lanes(T(2 / std::numbers::pi)) + Lanes(BitTraits::round);
-      const Words quarter = words(shifted) + static_cast<Word>(quarter_turns);
-      const Lanes k = shifted - Lanes(BitTraits::round);
-      Lanes r = angle;
-      for (const T part : BitTraits::half_pi) {
-        if (part != 0) { r -= k * Lanes(part); }
+    if constexpr (detail::rounds_as_written) {
+      const Words magnitude = words(angle) & ~words(Lanes(T(-0.0)));
+      if (!any_sign(words(Lanes(BitTraits::largest_angle)) - magnitude)) {
+        return reduced_sine(angle.v_, quarter_turns);
       }
-      const Lanes r2 = r * r;
-      Lanes s = Lanes(inverse_factorial(2 * BitTraits::terms + 1));
-      Lanes c = Lanes(inverse_factorial(2 * BitTraits::terms));
-      for (int n = BitTraits::terms - 1; n > 0; --n) {
-        s = Lanes(inverse_factorial(2 * n + 1)) - r2 * s;
-        c = Lanes(inverse_factorial(2 * n)) - r2 * c;
-      }
-      s = r - r * (r2 * s);
-      c = Lanes(1) - r2 * c;
-      const Words odd = -(quarter & 1);
-      const Words sign = (quarter & 2) << (sizeof(T) * 8 - 2);
-      return numbers(((odd & words(c)) | (~odd & words(s))) ^ sign);
     }
-#endif
     return each([&](int k) { return quarter_turns == 0 ? std::sin(angle[k]) : std::cos(angle[k]); });
   }
 
+  [[gnu::always_inline]] static inline Lanes reduced_sine(const Vector& angle, int quarter_turns)
+  {
+    IIM_AS_WRITTEN
+    const Vector shifted = angle * all(T(2 / std::numbers::pi)) + all(BitTraits::round);
+    const Words quarter = std::bit_cast<Words>(shifted) + static_cast<Word>(quarter_turns);
+    const Vector k = shifted - all(BitTraits::round);
+    Vector r = angle;
+    for (const T part : BitTraits::half_pi) {
+      if (part != 0) { r -= k * all(part); }
+    }
+    const Vector r2 = r * r;
+    Vector s = all(inverse_factorial(2 * BitTraits::terms + 1));
+    Vector c = all(inverse_factorial(2 * BitTraits::terms));
+    for (int n = BitTraits::terms - 1; n > 0; --n) {
+      s = all(inverse_factorial(2 * n + 1)) - r2 * s;
+      c = all(inverse_factorial(2 * n)) - r2 * c;
+    }
+    s = r - r * (r2 * s);
+    c = all(T(1)) - r2 * c;
+    const Words odd = -(quarter & 1);
+    const Words sign = (quarter & 2) << (sizeof(T) * 8 - 2);
+    return numbers(((odd & std::bit_cast<Words>(c)) | (~odd & std::bit_cast<Words>(s))) ^ sign);
+  }
+
+  [[gnu::always_inline]] static Vector all(T x) { return Lanes(x).v_; }
   static constexpr T inverse_factorial(int n)
   {
     double product = 1;

@@ -40,6 +40,21 @@ struct SineSeries<4> {
                                                 -0x1.25243c2f39550p-22};
 };
 
+/// Whether sums are rounded as they are written. Not so where a compiler may put the parts of π/2 together again, nor
+/// in x87's registers.
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || __FLT_EVAL_METHOD__ == 1 || __FLT_EVAL_METHOD__ == 2
+inline constexpr bool rounds_as_written = false;
+#else
+inline constexpr bool rounds_as_written = true;
+#endif
+
+// The same of clang with a part of -ffast-math, which it has no macro for.
+#ifdef __clang__
+#define IIM_AS_WRITTEN _Pragma("clang fp reassociate(off)")
+#else
+#define IIM_AS_WRITTEN
+#endif
+
 /// Real: double, or several in a vector.
 template <class Real, std::size_t terms>
 [[gnu::always_inline]] inline Real polynomial(const std::array<double, terms>& coefficient, const Real& x)
@@ -55,6 +70,7 @@ template <class Real, std::size_t terms>
 template <std::size_t terms, class Real>
 [[gnu::always_inline]] inline void reduced_sine_cosine(const Real& angle, Real& shifted, Real& s, Real& c)
 {
+  IIM_AS_WRITTEN
   constexpr double round = 0x1.8p52;  // added and subtracted: rounds to an integer, which is in the last bits
   shifted = angle * (2 / std::numbers::pi) + round;
   const Real k = shifted - round;
@@ -90,11 +106,7 @@ inline void library_sine_cosine(double angle, double& s, double& c) { ::sincos(a
 inline void library_sine_cosine(double angle, double& s, double& c) { s = std::sin(angle), c = std::cos(angle); }
 #endif
 
-#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__)  // which would put the parts of π/2 together again
-inline constexpr double largest_reduced_angle = -1;
-#else
-inline constexpr double largest_reduced_angle = 1e4;
-#endif
+inline constexpr double largest_reduced_angle = rounds_as_written ? 1e4 : -1;
 
 inline void sine_cosine(double angle, double& s, double& c)
 {
