@@ -1,6 +1,6 @@
 # The target iim::urdf for <iim/urdf.hpp>, if liburdfdom is installed; otherwise iim_urdf_missing says what is absent.
-# Read by the project itself and by the installed package, which sets iim_urdf_imported: there it is an imported target, as
-# iim::iim is, so that what links to it can be exported.
+# Read by the installed package and by the project itself, which sets iim_urdf_scope. An imported target, so that what
+# links to it can be exported.
 if(TARGET iim::urdf)
   return()
 endif()
@@ -20,25 +20,17 @@ else()
 endif()
 
 if(iim_urdfdom)
-  if(iim_urdf_imported)
-    set(iim_urdf_target iim::urdf)
-    add_library(iim::urdf INTERFACE IMPORTED)
-  else()
-    set(iim_urdf_target iim_urdf)
-    add_library(iim_urdf INTERFACE)
-    add_library(iim::urdf ALIAS iim_urdf)
-  endif()
-  target_link_libraries(${iim_urdf_target} INTERFACE iim::iim ${iim_urdfdom})
+  add_library(iim::urdf INTERFACE IMPORTED ${iim_urdf_scope})
+  target_link_libraries(iim::urdf INTERFACE iim::iim ${iim_urdfdom})
   # The XML library that urdfdom was made with, which <iim/urdf.hpp> calls too: tinyxml2 from 4 on, tinyxml before.
   foreach(iim_xml IN ITEMS tinyxml tinyxml2)
     find_library(IIM_${iim_xml}_LIBRARY ${iim_xml})
     mark_as_advanced(IIM_${iim_xml}_LIBRARY)
     if(IIM_${iim_xml}_LIBRARY)
-      target_link_libraries(${iim_urdf_target} INTERFACE "${IIM_${iim_xml}_LIBRARY}")
+      target_link_libraries(iim::urdf INTERFACE "${IIM_${iim_xml}_LIBRARY}")
     endif()
   endforeach()
   unset(iim_xml)
-  unset(iim_urdf_target)
 else()
   set(iim_urdf_missing "liburdfdom is not installed (Debian, Ubuntu: liburdfdom-dev), neither as CMake package \
 'urdfdom' nor for pkg-config")

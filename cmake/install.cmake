@@ -4,13 +4,9 @@ include(CMakePackageConfigHelpers)
 
 set(iim_package_dir "${CMAKE_INSTALL_DATADIR}/cmake/iim")
 
-if(CMAKE_VERSION VERSION_GREATER_EQUAL 3.23)
-  install(TARGETS iim EXPORT iim-targets FILE_SET HEADERS DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-else()
-  install(TARGETS iim EXPORT iim-targets)
-  install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/iim" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
-          FILES_MATCHING PATTERN "*.hpp")
-endif()
+install(TARGETS iim EXPORT iim-targets INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/iim" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
+        FILES_MATCHING PATTERN "*.hpp")
 install(EXPORT iim-targets NAMESPACE iim:: DESTINATION "${iim_package_dir}")
 
 configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/iim-config.cmake.in"
