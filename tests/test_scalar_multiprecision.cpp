@@ -5,6 +5,8 @@
 #include "reference/multiprecision.hpp"
 #include "scalar_check.hpp"
 
+#include <iim/subsystem/flexible_link.hpp>
+
 using namespace iim;
 using namespace iim::reference;
 
@@ -41,4 +43,21 @@ TEST_CASE("so it is with square roots", "[scalar]")
     CHECK(apart(root.Bhat, projected.Bhat) < 1e-40);
     CHECK(apart(root.qdd0, projected.qdd0) < 1e-40);
   }
+}
+
+TEST_CASE("a beam of one shape in 50 digits is what it is in double", "[scalar]")
+{
+  using Beam = FlexibleLink<Revolute<double>, 1, 1, 0>;
+  Assembly<Beam> robot;
+  robot.add("beam", {}, Beam());
+  const DynamicTree tree(robot);
+  const DynamicTree exact_tree(robot.cast<Digits50>());
+  Workspace ws(tree);
+  Workspace exact_ws(exact_tree);
+  const VectorX<double> q = VectorX<double>::LinSpaced(tree.n_q(), 0.1, 0.2), qd = 3 * q;
+  const auto fd = forward_dynamics(q, qd, ws);
+  const auto exact = forward_dynamics(q.cast<Digits50>().eval(), qd.cast<Digits50>().eval(), exact_ws);
+  REQUIRE(fd.ok());
+  REQUIRE(exact.ok());
+  CHECK(apart(fd.qdd0().cast<Digits50>().eval(), exact.qdd0()) < 1e-13);
 }

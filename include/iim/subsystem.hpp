@@ -127,11 +127,15 @@ using Velocities = Eigen::Matrix<typename S::Scalar, S::n_i, 1>;
 /// parent. One frame with one body; its coupling point moves with it and is the body's centre of mass, q begins with
 /// the frame's origin in inlet axes, and q̇_i is the velocity of the origin and the angular velocity, both in the
 /// frame's axes e_d: with r the origin from the centre, S = [e r×e; 0 e] and W = S⁻¹ = [eᵀ (r×e)ᵀ; 0 eᵀ]. With motors
-/// or internal forces it is for the world alone: on another part these would need something to push from.
+/// or internal forces it is for the world alone: on another part these would need something to push from. It has
+/// neither rotors nor springs.
 template <class S>
 constexpr bool is_free()
 {
-  if constexpr (requires { S::is_free; }) { return S::is_free; }
+  if constexpr (requires { S::is_free; }) {
+    static_assert(!S::is_free || (S::n_i == 6 && S::n_frames == 1), "is_free is for one frame with six velocities");
+    return S::is_free;
+  }
   return false;
 }
 
@@ -179,6 +183,7 @@ constexpr int rotor_count()
       requires(const S s) { s.rotors(); } || !requires { &S::rotors; },
       "rotors must be: std::array<Rotor<Scalar, n_i>, N> rotors() const");
   if constexpr (requires(const S s) { s.rotors(); }) {
+    static_assert(!is_free<S>(), "what is_free has no rotors()");
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().rotors())>>);
   }
   return 0;
@@ -205,6 +210,7 @@ constexpr int spring_count()
       requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); } || !requires { &S::springs; },
       "springs must be: std::array<Spring<Scalar, n_i>, N> springs(const Coordinates& q, const Velocities& qd) const");
   if constexpr (requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); }) {
+    static_assert(!is_free<S>(), "what is_free has no springs(); its internal_force stays explicit");
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().springs(
                                 std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
   }

@@ -164,8 +164,6 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
 {
   using Scalar = typename S::Scalar;
   using Pair = TriplePair<Scalar>;
-  static_assert(S::n_i == 6 && S::n_frames == 1 && rotor_count<S>() == 0 && spring_count<S>() == 0,
-                "a free subsystem is one frame with nothing within");
   FrameState<Scalar>& f = ws.frame(node.frame);
   FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
   if (axis.child < 0) {

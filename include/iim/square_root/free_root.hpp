@@ -166,8 +166,6 @@ template <Scene scene, class S, class Workspace>
 void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis)
 {
   using Scalar = typename S::Scalar;
-  static_assert(S::n_i == 6 && S::n_frames == 1 && rotor_count<S>() == 0 && spring_count<S>() == 0,
-                "a free subsystem is one frame with nothing within");
   RootInertia<Scalar>& inertia = ws.root(node.frame);
   const FrameState<Scalar>& f = ws.frame(node.frame);
   const auto& G = inertia.G;

@@ -225,7 +225,7 @@ private:
       for (std::size_t g = 0; g < xi.size(); ++g) {
         const Row slope = integrals(s.xi * xi[g]);
         s.deflection += (s.xi * weight[g]) * slope;
-        s.drawn += (s.xi * weight[g]) * (slope * slope.transpose());
+        s.drawn += (s.xi * weight[g]) * (slope * slope.transpose()).eval();  // a product of 1 × 1 may pass for a Scalar
       }
     }
   }
