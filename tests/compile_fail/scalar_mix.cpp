@@ -1,5 +1,5 @@
 // A tree has one Scalar: the parts of an assembly of doubles are made of doubles.
-// EXPECT: no matching (member )?function for call to
+// EXPECT: this type of subsystem is not among those that the Assembly lists
 #include <iim/iim.hpp>
 
 int main()
