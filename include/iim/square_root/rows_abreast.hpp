@@ -22,11 +22,7 @@ namespace iim::detail {
 
 /// How many rows one register takes.
 template <class Scalar>
-inline constexpr int rows_abreast = 1;
-template <>
-inline constexpr int rows_abreast<double> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(double), 1, 8);
-template <>
-inline constexpr int rows_abreast<float> = std::clamp<int>(EIGEN_MAX_STATIC_ALIGN_BYTES / sizeof(float), 1, 8);
+inline constexpr int rows_abreast = register_lanes<Scalar>;
 
 /// The numbers of one column in so many rows.
 template <class Scalar>
