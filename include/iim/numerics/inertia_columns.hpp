@@ -178,4 +178,25 @@ struct SpatialInertia<Scalar> {
   Matrix6<Scalar> dense() const { return detail::in_blocks(M.dense(), H, J.dense()); }
 };
 
+namespace detail {
+
+/// to = from, column by column: g++ copies the whole in pieces of another size than it was stored in, which then wait
+/// for that.
+template <class Scalar>
+[[gnu::always_inline]] inline void copy(const SpatialInertia<Scalar>& from, SpatialInertia<Scalar>& to)
+{
+  if constexpr (three_in_register<Scalar>) {
+#pragma GCC unroll 8
+    for (std::size_t j = 0; j < 3; ++j) {
+      to.M.column[j] = from.M.column[j];
+      to.H.column[j] = from.H.column[j];
+      to.J.column[j] = from.J.column[j];
+    }
+  } else {
+    to = from;
+  }
+}
+
+}  // namespace detail
+
 }  // namespace iim

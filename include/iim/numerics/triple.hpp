@@ -262,6 +262,13 @@ struct TriplePair {
   Triple<Scalar> linear, angular;
 
   TriplePair() = default;
+  [[gnu::always_inline]] TriplePair(const TriplePair& b) : linear(b.linear), angular(b.angular) {}
+  [[gnu::always_inline]] TriplePair& operator=(const TriplePair& b)
+  {
+    linear = b.linear;
+    angular = b.angular;
+    return *this;
+  }
   [[gnu::always_inline]] TriplePair(const Triple<Scalar>& lin, const Triple<Scalar>& ang) : linear(lin), angular(ang) {}
   /// Six numbers that lie one behind the other.
   [[gnu::always_inline]] explicit TriplePair(const Scalar* x) : linear(x), angular(x + 3) {}

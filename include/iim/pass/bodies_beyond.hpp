@@ -5,14 +5,15 @@
 // meets a small inertia gets far, and a subsystem's sum takes as long in a chain of any length. (Counting subsystems
 // instead, 32 of them, B̂ of a limb under 10⁹ beside forty fingers had 2·10⁶ ε, if these were added first.)
 //
-// Of one acceleration in single numbers, or of up to eight or sixteen side by side (motion_products.hpp). Types do not
-// come into it: each subsystem has said once where its numbers are. (With a function of each type for any number of
+// Of one acceleration (single_motion.hpp), or of up to eight or sixteen side by side (motion_products.hpp). Types do
+// not come into it: each subsystem has said once where its numbers are. (With a function of each type for any number of
 // accelerations the pass of a biped without rotors took 133 ns a joint instead of 96.)
 #pragma once
 
 #include <iim/body.hpp>
 #include <iim/numerics/array.hpp>
 #include <iim/pass/motion_products.hpp>
+#include <iim/pass/single_motion.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
@@ -46,8 +47,24 @@ public:
     const Scalar* C;   ///< n_i × n_i
     const Scalar* qd;  ///< where there are rotors
     int n_i, n_frames;
-    bool is_free;  ///< stays where it is, whatever its inlet does
+    bool is_free;     ///< stays where it is, whatever its inlet does
+    bool has_within;  ///< rotors or springs
     std::size_t rotors_end, springs_end;
+
+    bool is_single() const { return n_i == 1 && n_frames == 1; }
+    /// Row d of W.
+    [[gnu::always_inline]] TriplePair<Scalar> gain(int d) const
+    {
+      if (n_i == 1) [[likely]] { return TriplePair<Scalar>(W); }
+      const Scalar* const w = W + d;
+      return {{w[0], w[n_i], w[2 * n_i]}, {w[3 * n_i], w[4 * n_i], w[5 * n_i]}};
+    }
+    /// Column d of S of frame k.
+    [[gnu::always_inline]] TriplePair<Scalar> column(int k, int d) const
+    {
+      return TriplePair<Scalar>::settled(S + 6 * (k * n_i + d));
+    }
+    [[gnu::always_inline]] Triple<Scalar> place() const { return Triple<Scalar>::settled(r->data()); }
   };
   struct RotorPart {
     int frame;  ///< that carries it; −1: the inlet
@@ -97,7 +114,8 @@ public:
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
     parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(),
-                      state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotors_.size(), springs_.size()});
+                      state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0,
+                      rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
     has_wide_ |= !is_free<S>() && S::n_frames == 1 && S::n_i > 2 && rotor_count<S>() == 0;
   }
@@ -112,7 +130,7 @@ public:
       most_frames = std::max<Index>(most_frames, part(node.index).n_frames);
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
-    one_.allocate(depths, most_frames, most_velocities_);
+    one_.allocate(tree);
     if (!mended) { return; }
     if (has_wide_) { sixteen_.allocate(depths, most_frames, most_velocities_); }
     eight_.allocate(depths, most_frames, most_velocities_);
@@ -137,19 +155,49 @@ public:
     add_beyond(node, is_whole, springs, ws, room, G);
   }
 
+  /// The same of one acceleration a, as far as is_enough(frame, its acceleration, G) says; and the wrench on the frame.
+  template <class Data, class IsEnough>
+  [[gnu::always_inline]] void add_up_until(const IsEnough& is_enough, const Node& node, const TriplePair<Scalar>& a,
+                                           bool springs, const Data& ws, MotionSum<Scalar>& sum,
+                                           TriplePair<Scalar>& wrench)
+  {
+    one_.start(node.frame, a);
+    const Index deepest = ws.tree().depth(node.index) + most_one_by_one;
+    one_.go_outward(
+        *this, node,
+        [&](const Node& part, Index frame, const TriplePair<Scalar>& motion, const Scalar& G) __attribute__((
+            always_inline)) { return is_enough(frame, motion, G) || ws.tree().depth(part.index) > deepest; },
+        springs, ws, sum);
+    one_.come_back(*this, ws);
+    wrench += one_.wrench(node.frame);
+  }
+
   /// Of subsystem `node` and what hangs on it, its inlet at rest, for column d of C, M̄_R⁻¹ = C Cᵀ: 1, but for what C or
   /// W of those beyond are wrong by.
   template <class Data>
   [[gnu::noinline]] Scalar unit_of(const Node& node, int d, bool springs, const Data& ws)
   {
     const Part& part = parts_[static_cast<std::size_t>(node.index)];
-    Motions<Scalar> y;
-    y.fill(Scalar(0));
-    for (int e = 0; e < part.n_i; ++e) { one_.qdd[static_cast<std::size_t>(e)] = part.C[d * part.n_i + e]; }
-    Scalar G(0);
-    add_moved(node, 0, y, [](const Node&, Index, const auto&) { return false; }, springs, ws, one_, G);
-    add_beyond(node, CarriedApart{*this, node.index}, springs, ws, one_, G);
-    return G;
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    for (int e = 0; e < part.n_i; ++e) { one_.qdd(e) = part.C[d * part.n_i + e]; }
+    MotionSum<Scalar> sum;
+    one_.start(node.frame, {zero, zero});
+    // What hangs on what hangs on a subsystem counts in one, but for most_one_by_one subsystems after it.
+    const auto is_enough = [&](const Node& beyond, Index, const auto&, const auto&) {
+      if (beyond.subtree_end == beyond.index + 1 || beyond.index <= node.index + most_one_by_one) { return false; }
+      Index carrier = beyond.parent;  // but for what stands still on it
+      while (carrier != node.index && this->part(carrier).n_i == 0) { carrier = ws.tree().node(carrier).parent; }
+      return carrier != node.index;
+    };
+    one_.move(*this, node, {zero, zero}, is_enough, springs, ws, sum);
+    one_.go_outward(*this, node, is_enough, springs, ws, sum);
+    return sum.G;
+  }
+  /// Whether a subsystem has other inertia than on its frames.
+  template <class Data>
+  [[gnu::always_inline]] bool has_more(Index i, const Data& ws) const
+  {
+    return part(i).has_within || ws.tree().inlet_mass(i).present;
   }
 
 private:
@@ -172,29 +220,12 @@ private:
   template <class Lane>
   Room<Lane>& room()
   {
-    if constexpr (std::is_same_v<Lane, Scalar>) {
-      return one_;
-    } else if constexpr (std::is_same_v<Lane, SixteenLanes<Scalar>>) {
+    if constexpr (std::is_same_v<Lane, SixteenLanes<Scalar>>) {
       return sixteen_;
     } else {
       return eight_;
     }
   }
-
-  /// What hangs on what hangs on a subsystem counts in one, but for most_one_by_one subsystems after it.
-  struct CarriedApart {
-    const BodiesBeyond& bodies;
-    Index index;
-
-    template <class Tree>
-    bool operator()(const Node& part, Index, const Tree& tree) const
-    {
-      if (part.subtree_end == part.index + 1 || part.index <= index + most_one_by_one) { return false; }
-      Index carrier = part.parent;  // but for what stands still on it
-      while (carrier != index && bodies.part(carrier).n_i == 0) { carrier = tree.node(carrier).parent; }
-      return carrier != index;
-    }
-  };
 
   template <class Lane, class Data, class Sum, class IsWhole>
   [[gnu::always_inline]] void add_beyond(const Node& node, const IsWhole& is_whole, bool springs, const Data& ws,
@@ -270,7 +301,6 @@ private:
       const Motions<Lane>& carrier = on_inlet ? y : room.of(depth, rotor.frame);
       Vector3<Scalar> axis = zero;
       if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
-      add_turning(carrier, rotor.inertia, G);
       spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratio);
     });
     if (springs) {
@@ -289,7 +319,7 @@ private:
   Array<SpringPart> springs_;
   std::size_t most_velocities_ = 0;
   bool has_wide_ = false;  // of those in more than eight lanes (mended_root.hpp)
-  Room<Scalar> one_;
+  SingleMotion<Scalar> one_;
   Room<EightLanes<Scalar>> eight_;
   Room<SixteenLanes<Scalar>> sixteen_;
 };

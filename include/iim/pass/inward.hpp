@@ -222,13 +222,14 @@ template <Scene scene, class S, class Workspace>
 
   if constexpr (mends_pivots<S, Workspace>()) {
     if (mended) [[unlikely]] {
-      const TriplePair<Scalar> column = column_of<pattern>(state.S_k[0], 0);
-      if (has_inertia_within<scene.implicit, S>(state, spun)) {
-        carried[0].A = with_column(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U_k[0][0]));
-      } else {  // A S = 0 from here on: `projected` leaves it as it is
+      const bool has_own = has_inertia_within<scene.implicit, S>(state, spun);
+      SpatialInertia<Scalar> from, reduced;  // apart, so that A stays in registers where no pivot is mended
+      copy(carried[0].A, from);
+      reduce(from, column_of<pattern>(state.S_k[0], 0), TriplePair<Scalar>(U_k[0][0]), TriplePair<Scalar>(W[0]),
+             has_own, reduced);
+      copy(reduced, carried[0].A);
+      if (!has_own) {  // A S = 0 from here on: `projected` leaves it as it is
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-        carried[0].A =
-            across(SpatialInertia<Scalar>(carried[0].A), column, TriplePair<Scalar>(U[0]), TriplePair<Scalar>(W[0]));
         U_k[0][0] = {zero, zero};
       }
     }

@@ -71,13 +71,6 @@ template <class Lane>
   for (std::size_t i = 0; i < 6; ++i) { to[i] = from[i]; }
 }
 
-/// Of the first acceleration with each.
-template <class Lane, class Scalar>
-struct FirstWithEach {
-  Lane G;
-  Scalar turning = Scalar(0);  ///< of rotors, if they turned with what carries them: what their spins are left of
-};
-
 /// G += Σᵢ aᵢ bᵢᵀ.
 template <class Lane, std::size_t terms>
 [[gnu::always_inline]] inline void add_products(const std::array<Lane, terms>& a, const std::array<Lane, terms>& b,
@@ -85,13 +78,6 @@ template <class Lane, std::size_t terms>
 {
 #pragma GCC unroll 8
   for (std::size_t i = 0; i < terms; ++i) { G += a[i] * b[i]; }
-}
-template <class Lane, std::size_t terms, class Scalar>
-[[gnu::always_inline]] inline void add_products(const std::array<Lane, terms>& a, const std::array<Lane, terms>& b,
-                                                FirstWithEach<Lane, Scalar>& sum)
-{
-#pragma GCC unroll 8
-  for (std::size_t i = 0; i < terms; ++i) { sum.G += a[i] * b[i][0]; }
 }
 template <class Lane, std::size_t terms, std::size_t n>
 [[gnu::always_inline]] inline void add_products(const std::array<Lane, terms>& a, const std::array<Lane, terms>& b,
@@ -106,17 +92,6 @@ template <class Lane, std::size_t terms, std::size_t n>
     G[k] = column;
   }
 }
-template <class Lane, class Scalar, class Sum>
-[[gnu::always_inline]] inline void add_turning(const Motions<Lane>&, const Scalar&, Sum&)
-{
-}
-template <class Lane, class Scalar>
-[[gnu::always_inline]] inline void add_turning(const Motions<Lane>& carrier, const Scalar& inertia,
-                                               FirstWithEach<Lane, Scalar>& sum)
-{
-  for (std::size_t i = 3; i < 6; ++i) { sum.turning += inertia * carrier[i][0] * carrier[i][0]; }
-}
-
 /// Accelerations, and the forces and moments that an inertia has by them, in the same axes about the same point.
 template <class Lane>
 struct Moved {

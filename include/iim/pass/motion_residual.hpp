@@ -64,10 +64,8 @@ public:
   /// most: velocities of a subsystem.
   [[gnu::cold]] void allocate(Index subsystem_frames, Index velocities, Index most)
   {
-    Vector6<Scalar> zero;
-    zero.setZero();
     for (auto* const of_frames : {&accelerations_, &forces_, &moves_}) {
-      of_frames->resize(at(subsystem_frames), zero);
+      of_frames->resize(at(subsystem_frames), none());
     }
     sizes_.resize(at(subsystem_frames));
     for (Array<Scalar>* const of_velocities : {&load_, &x_, &change_, &unseen_}) {
@@ -77,10 +75,10 @@ public:
     terms_.resize(at(most), Scalar(0));
   }
 
-  Scalar& load(Index v) { return load_[at(v)]; }                    ///< τ
-  Scalar& x(Index v) { return x_[at(v)]; }                          ///< acceleration
-  Vector6<Scalar>& x_of(Index f) { return accelerations_[at(f)]; }  ///< of a frame, at its coupling point
-  const Scalar& change(Index v) const { return change_[at(v)]; }    ///< δx
+  Scalar& load(Index v) { return load_[at(v)]; }                  ///< τ
+  Scalar& x(Index v) { return x_[at(v)]; }                        ///< acceleration
+  Pair& x_of(Index f) { return accelerations_[at(f)]; }           ///< of a frame, at its coupling point
+  const Scalar& change(Index v) const { return change_[at(v)]; }  ///< δx
   /// Times ε: how large roundings in δx may be, as far as W y and the terms of h tell.
   const Scalar& unseen(Index v) const { return unseen_[at(v)]; }
 
@@ -88,7 +86,7 @@ public:
   void stand_still()
   {
     std::fill(x_.begin(), x_.end(), Scalar(0));
-    for (Vector6<Scalar>& acceleration : accelerations_) { acceleration.setZero(); }
+    std::fill(accelerations_.begin(), accelerations_.end(), none());
   }
   /// δx. velocity, gravity, springs: of the scene. apply(f): f(frame, wrench) for what is applied to frames. judged:
   /// `unseen` as well, which takes four times as long again.
@@ -97,14 +95,15 @@ public:
   {
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       const FrameState<Scalar>& frame = ws.frame(f);
-      const Pair wrench = body_wrench(velocity, ws.tree().frame_mass(f), frame.R, frame.r, triple(frame.omega),
-                                      Pair(accelerations_[at(f)].data()));
-      wrench.put(forces_[at(f)].data());
-      moves_[at(f)].setZero();
+      const Pair wrench =
+          body_wrench(velocity, ws.tree().frame_mass(f), frame.R, Triple<Scalar>::settled(frame.r.data()),
+                      Triple<Scalar>::settled(frame.omega.data()), accelerations_[at(f)]);
+      forces_[at(f)] = wrench;
+      moves_[at(f)] = none();
       if constexpr (judged) { sizes_[at(f)] = Sizes(wrench); }
     }
     apply([&](Index frame, const Vector6<Scalar>& wrench) {
-      forces_[at(frame)] -= wrench;
+      forces_[at(frame)] -= Pair(wrench.data());
       if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
     });
     for (Index i = ws.tree().size(); i-- > 0;) { balance<judged>(ws.tree().node(i), velocity, gravity, springs, ws); }
@@ -140,14 +139,14 @@ private:
   {
     const auto& part = ws.bodies_beyond().part(node.index);
     const int n = part.n_i;
-    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-    Pair y(zero, zero), to_inlet(zero, zero), wrench_to_inlet(zero, zero);
+    const Triple<Scalar> zero = none().linear;
+    Pair y = none(), to_inlet = y, wrench_to_inlet = y;
     Triple<Scalar> omega = zero;  // of the inlet
     if (node.inlet >= 0) {
-      y = shifted(*part.r, Pair(accelerations_[at(node.inlet)].data()));
+      y = shifted(part.place(), accelerations_[at(node.inlet)]);
       if (velocity) {
-        omega = triple(ws.frame(node.inlet).omega);
-        y.linear += cross(omega, cross(omega, triple(*part.r)));
+        omega = Triple<Scalar>::settled(ws.frame(node.inlet).omega.data());
+        y.linear += cross(omega, cross(omega, part.place()));
       }
     } else if (gravity) {
       const Vector3<Scalar>& g = ws.tree().gravity();
@@ -170,7 +169,7 @@ private:
       const FrameState<Scalar>& f = ws.frame(frame);
       Triple<Scalar> axis = zero;
       if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
-      const Triple<Scalar> turning = on_inlet ? y.angular : Triple<Scalar>(accelerations_[at(frame)].data() + 3);
+      const Triple<Scalar> turning = on_inlet ? y.angular : accelerations_[at(frame)].angular;
       const Scalar force = rotor.inertia * (dot(axis, turning) + rate_of(ratio, x));
       resist(force, ratio);
       Triple<Scalar> moment = axis * force;
@@ -182,7 +181,7 @@ private:
         to_inlet.angular += moment;
       } else {
         const Pair turns(zero, moment);
-        add_to(forces_[at(frame)], turns);
+        forces_[at(frame)] += turns;
         if constexpr (judged) { sizes_[at(frame)] += Sizes(turns); }
       }
     });
@@ -190,8 +189,7 @@ private:
       ws.bodies_beyond().for_each_spring(
           node.index, [&](const Scalar& inertia, const Scalar* ratio) { resist(inertia * rate_of(ratio, x), ratio); });
     }
-    to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R,
-                            Vector3<Scalar>(zero(0), zero(1), zero(2)), omega, y);
+    to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R, zero, omega, y);
     Sizes sizes;
     Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
     if constexpr (judged) {
@@ -201,13 +199,13 @@ private:
     for (int k = 0; k < part.n_frames; ++k) {
       const Sizes& of_frame = sizes_[at(node.frame + k)];
       if constexpr (judged) { sizes += of_frame; }
-      Pair all(forces_[at(node.frame + k)].data());
+      Pair all = forces_[at(node.frame + k)];
       to_inlet += all;
-      const Pair move(moves_[at(node.frame + k)].data());
+      const Pair& move = moves_[at(node.frame + k)];
       wrench_to_inlet += move;
       all += move;
       for (int d = 0; d < n; ++d) {
-        const Pair S(part.S + 6 * (k * n + d));
+        const Pair S = part.column(k, d);
         h[d] -= dot(S, all);
         if constexpr (judged) {
           terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
@@ -219,7 +217,7 @@ private:
     Scalar* const scaled = scaled_.data();
     for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
     for (int d = 0; d < n; ++d) {
-      const Pair W = gain(part, d);
+      const Pair W = part.gain(d);
       if constexpr (judged) {
         Scalar& unseen = unseen_[at(node.v + d)];
         unseen = largest_of(W) * largest_of(y);
@@ -234,10 +232,10 @@ private:
       for (int e = 0; e < n; ++e) { h[d] += part.C[e * n + d] * scaled[e]; }
     }
     if (node.inlet < 0 || part.is_free) { return; }
-    add_to(forces_[at(node.inlet)], moved(*part.r, to_inlet));
-    add_to(moves_[at(node.inlet)], moved(*part.r, wrench_to_inlet));
+    forces_[at(node.inlet)] += moved(part.place(), to_inlet);
+    moves_[at(node.inlet)] += moved(part.place(), wrench_to_inlet);
     if constexpr (judged) {
-      sizes.moment += largest_of(triple(*part.r)) * sizes.force;
+      sizes.moment += largest_of(part.place()) * sizes.force;
       sizes_[at(node.inlet)] += sizes;
     }
   }
@@ -247,11 +245,10 @@ private:
   void follow(const Node& node, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
-    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-    Pair y(zero, zero);
+    Pair y = none();
     Scalar size(0);
     if (node.inlet >= 0) {
-      y = shifted(*part.r, Pair(moves_[at(node.inlet)].data()));
+      y = shifted(part.place(), moves_[at(node.inlet)]);
       if constexpr (judged) { size = sizes_[at(node.inlet)].acceleration; }
     }
     // A free body within a tree stands still while its inlet moves: q̈ is a difference of which nothing may be left.
@@ -259,72 +256,50 @@ private:
     if (part.is_free) { size = Scalar(0); }
     Scalar* const change = change_.data() + node.v;
     for (int d = 0; d < part.n_i; ++d) {
-      const Pair W = gain(part, d);
+      const Pair W = part.gain(d);
       change[d] -= dot(W, y);
       if constexpr (judged) { unseen_[at(node.v + d)] += largest_of(W) * uncertain; }
     }
     for (int k = 0; k < part.n_frames; ++k) {
       Pair move = y;
-      for (int d = 0; d < part.n_i; ++d) { move += Pair(part.S + 6 * (k * part.n_i + d)) * change[d]; }
-      move.put(moves_[at(node.frame + k)].data());
+      for (int d = 0; d < part.n_i; ++d) { move += part.column(k, d) * change[d]; }
+      moves_[at(node.frame + k)] = move;
       if constexpr (judged) {
-        Scalar of_frame = larger(size, largest_of(Pair(accelerations_[at(node.frame + k)].data())));
+        Scalar of_frame = larger(size, largest_of(accelerations_[at(node.frame + k)]));
         for (int d = 0; d < part.n_i; ++d) {
           Scalar rate = magnitude(x_[at(node.v + d)]);
           if (part.is_free) { rate += unseen_[at(node.v + d)]; }
-          of_frame = larger(of_frame, Scalar(largest_of(Pair(part.S + 6 * (k * part.n_i + d))) * rate));
+          of_frame = larger(of_frame, Scalar(largest_of(part.column(k, d)) * rate));
         }
         sizes_[at(node.frame + k)].acceleration = of_frame;
       }
     }
   }
 
-  /// Row d of W.
-  template <class Part>
-  static Pair gain(const Part& part, int d)
+  static Pair none()
   {
-    const Scalar* const W = part.W + d;
-    const int n = part.n_i;
-    return {{W[0], W[n], W[2 * n]}, {W[3 * n], W[4 * n], W[5 * n]}};
-  }
-  static void add_to(Vector6<Scalar>& sum, const Pair& x)
-  {
-    for (int i = 0; i < 6; ++i) { sum(i) += x(i); }
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    return {zero, zero};
   }
   /// A twist about the point r away.
-  static Pair shifted(const Vector3<Scalar>& r, const Pair& V)
-  {
-    return {V.linear + cross(V.angular, triple(r)), V.angular};
-  }
+  static Pair shifted(const Triple<Scalar>& r, const Pair& V) { return {V.linear + cross(V.angular, r), V.angular}; }
   /// A wrench from there.
-  static Pair moved(const Vector3<Scalar>& r, const Pair& w)
-  {
-    return {w.linear, w.angular + cross(triple(r), w.linear)};
-  }
+  static Pair moved(const Triple<Scalar>& r, const Pair& w) { return {w.linear, w.angular + cross(r, w.linear)}; }
 
   /// On the body of a frame that has the acceleration V̇ at its coupling point: about that point.
   static Pair body_wrench(bool velocity, const FrameMass<Scalar>& body, const Matrix3<Scalar>& R,
-                          const Vector3<Scalar>& r, const Triple<Scalar>& omega, const Pair& Vdot)
+                          const Triple<Scalar>& r, const Triple<Scalar>& omega, const Pair& Vdot)
   {
-    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-    if (!body.present) { return {zero, zero}; }
-    const TransposedRotation<Scalar> back(R);
-    const Triple<Scalar> centre = combined(R, triple(body.com)) + triple(r);
-    Triple<Scalar> a = Vdot.linear + cross(Vdot.angular, centre);
-    Triple<Scalar> moment = combined(body.central_inertia, back * Vdot.angular);
-    if (velocity) {
-      const Triple<Scalar> own = back * omega;
-      a += cross(omega, cross(omega, centre));
-      moment += cross(own, combined(body.central_inertia, own));
-    }
-    const Triple<Scalar> force = a * body.mass;
-    return {force, combined(R, moment) + cross(centre, force)};
+    if (!body.present) { return none(); }
+    BodyAccelerated<Scalar> moved(body, R, r, Vdot);
+    if (velocity) { moved.add_centripetal(body, omega); }
+    return moved.wrench(body);
   }
 
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  Array<Scalar> load_, x_, change_, unseen_;               // of velocities
-  Array<Vector6<Scalar>> accelerations_, forces_, moves_;  // of frames
+  Array<Scalar> load_, x_, change_, unseen_;    // of velocities
+  Array<Pair> accelerations_, forces_, moves_;  // of frames
   Array<Sizes> sizes_;
   Array<Scalar> scaled_, terms_;  // of one subsystem
 };

@@ -62,6 +62,7 @@ struct Columns {
 template <class Scalar>
 struct TransposedRotation {
   std::array<Triple<Scalar>, 3> e;
+  [[gnu::always_inline]] explicit TransposedRotation(const std::array<Triple<Scalar>, 3>& columns) : e(columns) {}
   [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R)
       : e{column(R, 0), column(R, 1), column(R, 2)}
   {
@@ -75,6 +76,10 @@ template <class Scalar>
   requires three_in_register<Scalar>
 struct TransposedRotation<Scalar> {
   ColumnBlock<Scalar> rows;
+  [[gnu::always_inline]] explicit TransposedRotation(const std::array<Triple<Scalar>, 3>& columns)
+      : rows(ColumnBlock<Scalar>{columns}.transposed())
+  {
+  }
   [[gnu::always_inline]] explicit TransposedRotation(const Matrix3<Scalar>& R)
       : rows(ColumnBlock<Scalar>{{column(R, 0), column(R, 1), column(R, 2)}}.transposed())
   {

@@ -139,7 +139,9 @@ public:
       residual_.load(v) = ws.load()(v);
       residual_.x(v) = ws.qdd()(v);
     }
-    for (Index f = 0; f < ws.tree().n_frames(); ++f) { residual_.x_of(f) = ws.frame(f).Vdot; }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) {
+      residual_.x_of(f) = TriplePair<Scalar>(ws.frame(f).Vdot.data());
+    }
     const auto apply = [&](auto&& f) {
       for (const Index frame : touched_) { f(frame, applied_[at(frame)]); }
     };
@@ -160,7 +162,7 @@ public:
       }
     }
     for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = residual_.x(v); }
-    for (Index f = 0; f < ws.tree().n_frames(); ++f) { ws.frame(f).Vdot = residual_.x_of(f); }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) { residual_.x_of(f).put(ws.frame(f).Vdot.data()); }
     return true;
   }
 

@@ -90,20 +90,27 @@ struct Pivot {
   Scalar D;  ///< 0: left as it was
 };
 
-/// Whether A of a frame is good enough for a sum that is `so_far`, in a lane of the frame's motions.
-template <class Scalar, class Lane, class Data>
-[[gnu::always_inline]] inline bool has_digits(const Data& ws, Index frame, const Motions<Lane>& motions, int lane,
+/// Whether A of a frame is good enough for a sum that is `so_far`, of the frame's acceleration a.
+template <class Scalar, class Data>
+[[gnu::always_inline]] inline bool has_digits(const Data& ws, Index frame, const TriplePair<Scalar>& acceleration,
                                               const Scalar& so_far)
 {
   const FrameState<Scalar>& f = ws.frame(frame);
   if (f.loses) { return false; }
-  Vector6<Scalar> a;
-  for (int i = 0; i < 6; ++i) { a(i) = motions[static_cast<std::size_t>(i)][lane]; }
-  if (const auto* own = ws.axes().of(frame)) { turn_triples(*own, false, a.data(), 2); }
+  TriplePair<Scalar> a = acceleration;
+  if (const auto* own = ws.axes().of(frame)) [[unlikely]] { a = turned(*own, false, a); }
   const TriplePair<Scalar> size = largest(f, f.A);
-  Scalar rounding(0);
-  for (int i = 0; i < 6; ++i) { rounding += a(i) * a(i) * size(i); }
+  const Scalar rounding = dot(TriplePair<Scalar>(a.linear * a.linear, a.angular * a.angular), size);
   return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far - rounding);
+}
+/// The same in a lane of the frame's motions.
+template <class Scalar, class Lane, class Data>
+[[gnu::always_inline]] inline bool has_digits(const Data& ws, Index frame, const Motions<Lane>& a, int lane,
+                                              const Scalar& so_far)
+{
+  return has_digits(ws, frame,
+                    TriplePair<Scalar>({a[0][lane], a[1][lane], a[2][lane]}, {a[3][lane], a[4][lane], a[5][lane]}),
+                    so_far);
 }
 
 /// Roundings of accelerations, squared: a share of `scale` that sums are told from zero by.
@@ -121,44 +128,32 @@ template <class Scalar, class Data>
                                                    const Pivot<Scalar>& own, const Scalar& D, const Scalar& scale,
                                                    bool springs, Data& ws)
 {
-  using Lane = EightLanes<Scalar>;
-  using Sum = FirstWithEach<Lane, Scalar>;
   if (!ws.frame(node.frame).arrived) { return {own.U, Scalar(0)}; }
-  Vector6<Scalar> S_0;
-  S.put(S_0.data());
-  Matrix3<Scalar> axes = Matrix3<Scalar>::Identity();  // of A
   const Matrix3<Scalar>* const in_group = ws.axes().of(node.frame);
-  if (in_group != nullptr) {
+  TriplePair<Scalar> a = S;
+  if (in_group != nullptr) [[unlikely]] {
     // The plane that a group's joints move in has its digits as it is, but under loads. (From 1/256 on, 9 joints under
     // 10³ times their weight 16, 230 ε; so 6, 28.)
     if (ScalarTraits<Scalar>::is_positive(Scalar(16) * D - scale)) { return {own.U, Scalar(0)}; }
-    axes = *in_group;
-    turn_triples(axes, true, S_0.data(), 2);
+    a = turned(*in_group, true, a);
   }
-  Motions<Lane> a;  // along S, and along each of the six axes of A
-  Sum sum;
-  clear<Scalar>(sum.G);
-  sum.G[0] = own.D;
-  for (int i = 0; i < 6; ++i) {
-    Lane& lane = a[static_cast<std::size_t>(i)];
-    clear<Scalar>(lane);
-    lane[0] = S_0(i);
-    for (int j = 0; j < 3; ++j) { lane[(i < 3 ? 1 : 4) + j] = axes(i % 3, j); }
-    sum.G[i + 1] = own.U(i);
-  }
-  const auto is_enough = [&ws](Index frame, const Motions<Lane>& motions, const Sum& so_far) {
-    return has_digits<Scalar>(ws, frame, motions, 0, so_far.G[0]);
-  };
-  ws.bodies_beyond().add_up_until(is_enough, node, a, springs, ws, sum);
-  const Lane& G = sum.G;
-  if (!ScalarTraits<Scalar>::is_positive(G[0] - squared_roundings<Scalar>() * (scale + sum.turning))) {
+  const auto is_enough = [&ws](Index frame, const TriplePair<Scalar>& motion, const Scalar& so_far)
+                             __attribute__((always_inline)) { return has_digits(ws, frame, motion, so_far); };
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  MotionSum<Scalar> sum;
+  sum.G = own.D;
+  TriplePair<Scalar> U(zero, zero);
+  ws.bodies_beyond().add_up_until(is_enough, node, a, springs, ws, sum, U);
+  if (!ScalarTraits<Scalar>::is_positive(sum.G - squared_roundings<Scalar>() * (scale + sum.turning))) {
     return {own.U, Scalar(0)};
   }
+  if (in_group != nullptr) [[unlikely]] { U = turned(*in_group, false, U); }
+  U += own.U;
   // What the equations of motion leave has the roundings of what is held across a group's plane.
-  if (in_group == nullptr && !ScalarTraits<Scalar>::is_positive(Scalar(64) * G[0] - scale)) {
+  if (in_group == nullptr && !ScalarTraits<Scalar>::is_positive(Scalar(64) * sum.G - scale)) {
     ws.second_look().note_mended_pivot();
   }
-  return {{Triple<Scalar>(G[1], G[2], G[3]), Triple<Scalar>(G[4], G[5], G[6])}, G[0]};
+  return {U, sum.G};
 }
 
 /// Of subsystem S. (By value: what a function that is not inlined may write to would not stay in registers. All but
@@ -184,28 +179,34 @@ template <class Scalar>
   subtract_product(left, right, A);
 }
 
-/// A with A s = U, s a unit column, and all else as it was.
+/// A S = U for a unit column S, and all else of A as it was.
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> with_column(SpatialInertia<Scalar> A, const TriplePair<Scalar>& s,
-                                                     const TriplePair<Scalar>& U)
+[[gnu::always_inline]] inline void set_column(const TriplePair<Scalar>& S, const TriplePair<Scalar>& U,
+                                              SpatialInertia<Scalar>& A)
 {
   // x = A S − U, less ½ (S·x) S, which both terms have
-  TriplePair<Scalar> x = A.of_linear(s.linear);
-  x += A.of_angular(s.angular);
+  TriplePair<Scalar> x = times(A, S);
   x -= U;
-  x -= s * (Scalar(0.5) * dot(s, x));
-  subtract_both(s, x, A);
-  return A;
+  x -= S * (Scalar(0.5) * dot(S, x));
+  subtract_both(S, x, A);
 }
 
-/// A' of such a pivot, where the joint has no inertia of its own.
+/// A' of such a pivot: with A S = U where the joint has inertia of its own, else across S. (Called: a controller is
+/// smaller.)
 template <class Scalar>
-[[gnu::noinline]] SpatialInertia<Scalar> across(SpatialInertia<Scalar> A, const TriplePair<Scalar>& s,
-                                                const TriplePair<Scalar>& U, const TriplePair<Scalar>& W)
+[[gnu::noinline]] void reduce(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& S, const TriplePair<Scalar>& U,
+                              const TriplePair<Scalar>& W, bool has_own, SpatialInertia<Scalar>& reduced)
 {
-  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  subtract_both(U, W * Scalar(0.5), A);
-  return with_column(A, s, {zero, zero});
+  SpatialInertia<Scalar> result;
+  copy(A, result);
+  if (has_own) {
+    set_column(S, U, result);
+  } else {
+    const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    subtract_both(U, W * Scalar(0.5), result);
+    set_column(S, {zero, zero}, result);
+  }
+  copy(result, reduced);
 }
 
 }  // namespace iim::detail

@@ -220,7 +220,7 @@ template <class Scalar, int n>
 [[gnu::noinline]] void take_across(const SixColumns<Scalar, n>& Q, SpatialInertia<Scalar>& A)
 {
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  for (int d = 0; d < n; ++d) { A = with_column(SpatialInertia<Scalar>(A), Q[d], {zero, zero}); }
+  for (int d = 0; d < n; ++d) { set_column(Q[d], TriplePair<Scalar>{zero, zero}, A); }
 }
 
 /// R⁻¹ C and R⁻¹ W.
