@@ -318,11 +318,11 @@ private:
   /// Tells bodies_beyond() where the subsystems' numbers are.
   [[gnu::cold]] void find_bodies()
   {
-    if constexpr (detail::looks_again<Data>) {
+    if constexpr (detail::refines<Data>) {
       detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
       bodies.clear();
       tree().outward([&]<class S>(const Node& node, const S& s) { bodies.add(s, this->node<S>(node)); });
-      bodies.allocate(tree(), detail::mends<Data>);
+      bodies.allocate(tree(), detail::mends_several<Data>);
       this->second_look_.allocate(tree());
     }
   }

@@ -12,11 +12,11 @@ namespace iim::detail {
 
 /// Of scale, below which a pivot may have too few digits: M⁻¹ is wrong by up to 40 ε · scale / pivot (loaded arms in
 /// float; 160 once in a thousand states), and by how much is then looked at (second_look.hpp). Of several states at
-/// once, none of which mends small pivots (weak_pivot.hpp), what has them computed one by one.
+/// once, what has them computed one by one: but for pivots that are `mended` (weak_pivot.hpp) already from 1/1024 on.
 template <class Scalar>
-Scalar pivot_tolerance()
+Scalar pivot_tolerance(bool mended = false)
 {
-  return bodies_first<Scalar> ? Scalar(1.0 / 1024) : Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
+  return bodies_first<Scalar> && !mended ? Scalar(1.0 / 1024) : Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
 }
 
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).
@@ -92,12 +92,13 @@ template <class Scalar, int n>
 /// Inverts D as D⁻¹ = C Cᵀ; otherwise as root_of_inverse.
 template <class Scalar, int n>
 bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale,
-                Eigen::Matrix<Scalar, n, n>& C, Eigen::Matrix<Scalar, n, n>& D_inv)
+                Eigen::Matrix<Scalar, n, n>& C, Eigen::Matrix<Scalar, n, n>& D_inv,
+                [[maybe_unused]] bool mended = false)
 {
   using std::min;
   using std::sqrt;
   if constexpr (n == 1) {
-    const Scalar tolerance = pivot_tolerance<Scalar>();
+    const Scalar tolerance = pivot_tolerance<Scalar>(mended);
     const bool positive = ScalarTraits<Scalar>::is_positive(min(D(0, 0), Scalar(D(0, 0) - tolerance * scale(0))));
     D_inv(0, 0) = Scalar(1) / D(0, 0);
     C(0, 0) = sqrt(D_inv(0, 0));

@@ -29,7 +29,10 @@ namespace iim::detail {
 
 /// Whether small pivots are mended by such sums (weak_pivot.hpp).
 template <class Data>
-inline constexpr bool mends = Data::update == Update::projected && !bodies_first<typename Data::Scalar>;
+inline constexpr bool mends = Data::update == Update::projected;
+/// Whether those of several velocities, too (mended_root.hpp): of one state.
+template <class Data>
+inline constexpr bool mends_several = mends<Data> && !bodies_first<typename Data::Scalar>;
 
 /// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
 inline constexpr Index most_one_by_one = 128;
@@ -119,8 +122,8 @@ public:
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
     has_wide_ |= !is_free<S>() && S::n_frames == 1 && S::n_i > 2 && rotor_count<S>() == 0;
   }
-  /// After the last. mended: whether pivots are.
-  void allocate(const TreeData<Scalar>& tree, bool mended)
+  /// After the last. several: whether accelerations go side by side.
+  void allocate(const TreeData<Scalar>& tree, bool several)
   {
     // As deep as the sums go: the tree, or what counts one by one and what hangs on that, with all that stands still.
     Index depths = 0, still = 0, most_frames = 1;
@@ -131,7 +134,7 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(tree);
-    if (!mended) { return; }
+    if (!several) { return; }
     if (has_wide_) { sixteen_.allocate(depths, most_frames, most_velocities_); }
     eight_.allocate(depths, most_frames, most_velocities_);
   }

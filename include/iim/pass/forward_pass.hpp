@@ -40,7 +40,7 @@ public:
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
     ws_.begin_use();
-    if constexpr (looks_again<Data>) { ws_.second_look().clear(); }
+    if constexpr (refines<Data>) { ws_.second_look().clear(); }
     ws_.load().setZero();
     if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
@@ -62,7 +62,7 @@ public:
         FrameState<Scalar>& f = ws_.frame(input.frame);
         Vector6<Scalar> wrench = input_wrench(input, f, 0) * u(column);
         for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
-        if constexpr (looks_again<Data>) { ws_.second_look().note_applied(input.frame, wrench); }
+        if constexpr (refines<Data>) { ws_.second_look().note_applied(input.frame, wrench); }
         if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
         if constexpr (Data::update == Update::square_root) {
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
@@ -230,7 +230,7 @@ private:
   /// Of q̈, where small pivots went into it.
   bool holds()
   {
-    if constexpr (looks_again<Data>) {
+    if constexpr (refines<Data>) {
       if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
         if (!ws_.second_look().refine(scene.velocity, scene.gravity, scene.implicit, ws_)) {
           diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());

@@ -185,7 +185,7 @@ template <Scene scene, class S, class Workspace>
     for (int d = 0; d < n_i; ++d) { scale(d) += along(d) * along(d); }
   }
   Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
-  bool positive = invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv);
+  bool positive = invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv, mended);
   Columns W;
   if constexpr (mends_roots<S, Workspace>()) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
@@ -196,7 +196,7 @@ template <Scene scene, class S, class Workspace>
     }
   }
   if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
-  if constexpr (mends_any<S, Workspace>()) {
+  if constexpr (mends_several<Workspace> && mends_any<S, Workspace>()) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
   }
   state.MbarR = D;
@@ -220,14 +220,15 @@ template <Scene scene, class S, class Workspace>
   }
   if (node.inlet < 0) { return; }
 
+  [[maybe_unused]] SpatialInertia<Scalar> reduced;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (mended) [[unlikely]] {
       const bool has_own = has_inertia_within<scene.implicit, S>(state, spun);
-      SpatialInertia<Scalar> from, reduced;  // apart, so that A stays in registers where no pivot is mended
-      copy(carried[0].A, from);
+      SpatialInertia<Scalar> from;  // apart, so that A stays in registers where no pivot is mended
+      copy(A_of(0), from);
       reduce(from, column_of<pattern>(state.S_k[0], 0), TriplePair<Scalar>(U_k[0][0]), TriplePair<Scalar>(W[0]),
              has_own, reduced);
-      copy(reduced, carried[0].A);
+      if constexpr (apart) { copy(reduced, carried[0].A); }
       if (!has_own) {  // A S = 0 from here on: `projected` leaves it as it is
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
         U_k[0][0] = {zero, zero};
@@ -237,7 +238,7 @@ template <Scene scene, class S, class Workspace>
 
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
-    const SpatialInertia<Scalar>& A_k = A_of(k);
+    const SpatialInertia<Scalar>& A_k = !apart && mends_pivots<S, Workspace>() && mended ? reduced : A_of(k);
     if constexpr (mends_roots<S, Workspace>()) {
       return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else if constexpr (Workspace::update == Update::projected) {

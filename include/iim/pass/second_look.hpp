@@ -45,6 +45,9 @@ bool is_below_or_zero(const Scalar& x, const Scalar& limit)
 /// Whether passes do so: in matrix form, of one state. (Of several, a small pivot has them computed one by one.)
 template <class Data>
 inline constexpr bool looks_again = Data::update != Update::square_root && !bodies_first<typename Data::Scalar>;
+/// Whether q̈ is made better, where pivots are mended at least.
+template <class Data>
+inline constexpr bool refines = looks_again<Data> || mends<Data>;
 
 /// Which pivots were small in a pass, what was applied to the frames, and room for the second look.
 template <class Scalar>
@@ -131,9 +134,11 @@ public:
   template <class Data>
   [[gnu::cold, gnu::noinline]] bool refine(bool velocity, bool gravity, bool springs, Data& ws)
   {
-    if (is_needed()) {
-      find_robots(ws);
-      for (Member& member : members_) { member.is_judged = true; }
+    if constexpr (looks_again<Data>) {
+      if (is_needed()) {
+        find_robots(ws);
+        for (Member& member : members_) { member.is_judged = true; }
+      }
     }
     for (Index v = 0; v < ws.tree().n_v(); ++v) {
       residual_.load(v) = ws.load()(v);
@@ -146,13 +151,8 @@ public:
       for (const Index frame : touched_) { f(frame, applied_[at(frame)]); }
     };
     if (is_needed()) {
-      bool driven = !touched_.empty();
-      for (Index v = 0; v < ws.tree().n_v(); ++v) { driven |= !(residual_.load(v) == Scalar(0)); }
-      for (const int smaller : {16, 256}) {
-        residual_.compute(velocity, gravity, springs, ws, apply);
-        const bool with_roundings = driven || smaller == 16;
-        if (!robots_hold(smaller, Scalar(with_roundings ? 64 : 0), ws)) { return false; }
-        residual_.add_change();
+      if constexpr (looks_again<Data>) {
+        if (!refine_twice(velocity, gravity, springs, ws, apply)) { return false; }
       }
     } else {
       residual_.template compute<false>(velocity, gravity, springs, ws, apply);
@@ -176,6 +176,21 @@ public:
   }
 
 private:
+  /// False if δq̈ does not say that q̈ is right.
+  template <class Data, class Apply>
+  bool refine_twice(bool velocity, bool gravity, bool springs, Data& ws, Apply&& apply)
+  {
+    bool driven = !touched_.empty();
+    for (Index v = 0; v < ws.tree().n_v(); ++v) { driven |= !(residual_.load(v) == Scalar(0)); }
+    for (const int smaller : {16, 256}) {
+      residual_.compute(velocity, gravity, springs, ws, apply);
+      const bool with_roundings = driven || smaller == 16;
+      if (!robots_hold(smaller, Scalar(with_roundings ? 64 : 0), ws)) { return false; }
+      residual_.add_change();
+    }
+    return true;
+  }
+
   /// Whether a body weighs 16 times as much as one further inward: its mass at the longest lever within the robot, and
   /// its moments. (By the mass alone a flywheel on light links has q̈₀ of as many ε as it is heavier than they are.)
   [[gnu::cold]] static bool has_heavy(const TreeData<Scalar>& tree)

@@ -55,7 +55,8 @@ namespace iim::detail {
 template <class S, class Data>
 constexpr bool mends_roots()
 {
-  return mends_any<S, Data>() && !mends_pivots<S, Data>() && S::n_i > 0 && S::n_i <= 6 && rotor_count<S>() == 0;
+  return mends_several<Data> && mends_any<S, Data>() && !mends_pivots<S, Data>() && S::n_i > 0 && S::n_i <= 6 &&
+         rotor_count<S>() == 0;
 }
 
 /// Whether a root C of M̄_R⁻¹ is to be mended: `scale` is more than `least` times one of its pivots, and what the
