@@ -13,6 +13,7 @@
 #include <iim/body.hpp>
 #include <iim/numerics/array.hpp>
 #include <iim/pass/motion_products.hpp>
+#include <iim/pass/several_motions.hpp>
 #include <iim/pass/single_motion.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
@@ -33,6 +34,13 @@ inline constexpr bool mends = Data::update == Update::projected;
 /// Whether those of several velocities, too (mended_root.hpp): of one state.
 template <class Data>
 inline constexpr bool mends_several = mends<Data> && !bodies_first<typename Data::Scalar>;
+
+/// Whether S moves its frame along one unit column, turning it or sliding.
+template <class S>
+constexpr bool has_unit_column()
+{
+  return has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
+}
 
 /// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
 inline constexpr Index most_one_by_one = 128;
@@ -120,7 +128,7 @@ public:
                       state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0,
                       rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
-    has_wide_ |= !is_free<S>() && S::n_frames == 1 && S::n_i > 2 && rotor_count<S>() == 0;
+    has_several_ |= S::n_frames == 1 && S::n_i > 0 && !has_unit_column<S>();
   }
   /// After the last. several: whether accelerations go side by side.
   void allocate(const TreeData<Scalar>& tree, bool several)
@@ -134,28 +142,23 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(tree);
-    if (!several) { return; }
-    if (has_wide_) { sixteen_.allocate(depths, most_frames, most_velocities_); }
-    eight_.allocate(depths, most_frames, most_velocities_);
+    if (several && has_several_) { several_.allocate(depths, most_frames, static_cast<Index>(most_velocities_)); }
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a, as far as is_enough(frame, its
   /// accelerations, G) says of all frames of a subsystem that A of them is good enough for what hangs on them, but for
-  /// most_one_by_one subsystems outward at most. `springs`: of an implicit step.
+  /// most_one_by_one subsystems outward at most. `springs`: of an implicit step. wrench: += on the frame; null: not
+  /// wanted.
   template <class Lane, class Data, class Sum, class IsEnough>
   [[gnu::noinline]] void add_up_until(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a, bool springs,
-                                      const Data& ws, Sum& G)
+                                      const Data& ws, Sum& G, Motions<Lane>* wrench)
   {
-    Room<Lane>& room = this->room<Lane>();
-    copy(a, room.of(0, 0));
-    const auto is_whole = [&](const Node& part, Index depth, const auto&) {
-      bool whole = true;
-      for (int k = 0; k < this->part(part.index).n_frames; ++k) {
-        whole &= is_enough(part.frame + k, room.of(depth, k), G);
-      }
-      return whole || depth > most_one_by_one;
-    };
-    add_beyond(node, is_whole, springs, ws, room, G);
+    several_.add_beyond(
+        *this, node, a,
+        [&](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
+          return is_enough(frame, motions, sum) || depth > most_one_by_one;
+        },
+        springs, ws, G, wrench);
   }
 
   /// The same of one acceleration a, as far as is_enough(frame, its acceleration, G) says; and the wrench on the frame.
@@ -204,127 +207,14 @@ public:
   }
 
 private:
-  /// Accelerations of the frames of one subsystem at each depth, and of one subsystem's velocities.
-  template <class Lane>
-  struct Room {
-    Array<Motions<Lane>> frames;
-    Array<Lane> qdd;
-    Index most = 1;  ///< frames of a subsystem
-
-    void allocate(Index depths, Index frames_of_each, std::size_t velocities)
-    {
-      most = frames_of_each;
-      frames.resize(static_cast<std::size_t>(depths * most));
-      qdd.resize(velocities);
-    }
-    Motions<Lane>& of(Index depth, Index frame) { return frames[static_cast<std::size_t>(depth * most + frame)]; }
-  };
-
-  template <class Lane>
-  Room<Lane>& room()
-  {
-    if constexpr (std::is_same_v<Lane, SixteenLanes<Scalar>>) {
-      return sixteen_;
-    } else {
-      return eight_;
-    }
-  }
-
-  template <class Lane, class Data, class Sum, class IsWhole>
-  [[gnu::always_inline]] void add_beyond(const Node& node, const IsWhole& is_whole, bool springs, const Data& ws,
-                                         Room<Lane>& room, Sum& G) const
-  {
-    for (Index i = node.index + 1; i < node.subtree_end;) {
-      const Node& part = ws.tree().node(i);
-      const Index depth = ws.tree().depth(i) - ws.tree().depth(node.index);
-      const bool whole = add_part(part, depth, is_whole, springs, ws, room, G);
-      i = whole || this->part(i).is_free ? part.subtree_end : i + 1;
-    }
-  }
-
-  /// Whether it was with what hangs on its frames.
-  template <class Lane, class Data, class Sum, class IsWhole>
-  [[gnu::always_inline]] bool add_part(const Node& node, Index depth, const IsWhole& is_whole, bool springs,
-                                       const Data& ws, Room<Lane>& room, Sum& G) const
-  {
-    const Part& part = this->part(node.index);
-    const int n = part.n_i;
-    if (part.is_free) {
-      for (Lane& x : room.of(depth, 0)) { detail::clear<Scalar>(x); }
-      return false;
-    }
-    Motions<Lane> y;
-    copy(room.of(depth - 1, node.inlet - ws.tree().node(node.parent).frame), y);
-    move_twist(*part.r, y);
-    Lane* const qdd = room.qdd.data();
-    for (int d = 0; d < n; ++d) {
-      const Scalar* const W = part.W + d;
-      qdd[d] = -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
-    }
-    return add_moved(node, depth, y, is_whole, springs, ws, room, G);
-  }
-
-  /// Of a subsystem with guidance acceleration y and room.qdd.
-  template <class Lane, class Data, class Sum, class IsWhole>
-  [[gnu::always_inline]] bool add_moved(const Node& node, Index depth, const Motions<Lane>& y, const IsWhole& is_whole,
-                                        bool springs, const Data& ws, Room<Lane>& room, Sum& G) const
-  {
-    const Part& part = this->part(node.index);
-    const int n = part.n_i;
-    Lane* const qdd = room.qdd.data();
-    const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-    add_body<Lane>(ws.tree().inlet_mass(node.index), *part.R, zero, y, G);
-    const Scalar* S = part.S;
-    for (int k = 0; k < part.n_frames; ++k) {
-      Motions<Lane> a;
-      copy(y, a);
-      for (int d = 0; d < n; ++d, S += 6) {
-#pragma GCC unroll 8
-        for (std::size_t i = 0; i < 6; ++i) { a[i] += qdd[d] * S[i]; }
-      }
-      copy(a, room.of(depth, k));
-    }
-    const bool whole = is_whole(node, depth, ws.tree());
-    for (int k = 0; k < part.n_frames; ++k) {
-      const Index frame = node.frame + k;
-      const auto& f = ws.frame(frame);
-      if (whole) {
-        add_inertia<Lane>(f.A, room.of(depth, k), G, ws.axes().of(frame));
-      } else {
-        add_body<Lane>(ws.tree().frame_mass(frame), f.R, f.r, room.of(depth, k), G);
-      }
-    }
-    const auto spin = [&](const Scalar& inertia, const Lane& of_carrier, const Scalar* ratio) {
-      Lane rate = of_carrier;
-      for (int d = 0; d < n; ++d) { rate += qdd[d] * ratio[d]; }
-      add_products<Lane, 1>({rate}, {Lane(rate * inertia)}, G);
-    };
-    for_each_rotor(node.index, [&](const RotorPart& rotor, const Scalar* ratio) {
-      const bool on_inlet = rotor.frame < 0;
-      const Motions<Lane>& carrier = on_inlet ? y : room.of(depth, rotor.frame);
-      Vector3<Scalar> axis = zero;
-      if (rotor.coupled) { axis = times(on_inlet ? *part.R : ws.frame(node.frame + rotor.frame).R, rotor.axis); }
-      spin(rotor.inertia, Lane(carrier[3] * axis(0) + carrier[4] * axis(1) + carrier[5] * axis(2)), ratio);
-    });
-    if (springs) {
-      for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
-        Lane at_rest;
-        detail::clear<Scalar>(at_rest);
-        spin(inertia, at_rest, ratio);
-      });
-    }
-    return whole;
-  }
-
   Array<Part> parts_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;
   Array<SpringPart> springs_;
   std::size_t most_velocities_ = 0;
-  bool has_wide_ = false;  // of those in more than eight lanes (mended_root.hpp)
+  bool has_several_ = false;  // accelerations side by side (mended_root.hpp)
   SingleMotion<Scalar> one_;
-  Room<EightLanes<Scalar>> eight_;
-  Room<SixteenLanes<Scalar>> sixteen_;
+  SeveralMotions<Scalar> several_;
 };
 
 }  // namespace iim::detail

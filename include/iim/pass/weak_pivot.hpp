@@ -56,11 +56,11 @@ constexpr bool mends_any()
   return mends<Data> && S::n_frames == 1 && !is_free<S>();
 }
 
-/// Whether the steps of S do so: of a joint that moves its frame along one unit column, turning it or sliding.
+/// Whether the steps of S do so.
 template <class S, class Data>
 constexpr bool mends_pivots()
 {
-  return mends_any<S, Data>() && has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
+  return mends_any<S, Data>() && has_unit_column<S>();
 }
 
 /// Column d of S, in all six rows.

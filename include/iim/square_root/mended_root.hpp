@@ -271,7 +271,7 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
 [[gnu::noinline]] bool mend(const Node& node, const Eigen::Matrix<Scalar, 6, n>& S, const TriplePair<Scalar>& size,
                             bool springs, Data& ws, const Reduction<Scalar, n>& reduction)
 {
-  using Lane = std::conditional_t<n <= 2, EightLanes<Scalar>, SixteenLanes<Scalar>>;
+  using Lane = EightLanes<Scalar>;
   using Sum = std::array<Lane, static_cast<std::size_t>(n)>;
   Orthonormal<Scalar, n> columns;
   if (ws.axes().of(node.frame) != nullptr || !columns.template set<pattern>(S)) { return false; }
@@ -287,13 +287,12 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
 
   SixColumns<Scalar, n> X;
   times_root(Q, C, X);
-  Motions<Lane> a = abreast<Lane, Scalar, n>(X);
-#pragma GCC unroll 8
-  for (int i = 0; i < 6; ++i) { a[static_cast<std::size_t>(i)][n + i] = Scalar(1); }
+  const Motions<Lane> a = abreast<Lane, Scalar, n>(X);
+  Motions<Lane> wrench;
   Sum G;
   for (Lane& column : G) { clear<Scalar>(column); }
-  add_body(ws.tree().frame_mass(node.frame), f.R, f.r, a, G);
-  ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, a, springs, ws, G);
+  add_body(ws.tree().frame_mass(node.frame), f.R, f.r, a, G, wrench);
+  ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, a, springs, ws, G, &wrench);
   if (!lower_root<Scalar, n>(G, L)) { return false; }
   divide(C, L);
   bool positive = true, weak = false;
@@ -309,8 +308,8 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   SixColumns<Scalar, n> V, W;
 #pragma GCC unroll 8
   for (int k = 0; k < n; ++k) {
-    const Lane& g = G[static_cast<std::size_t>(k)];
-    V[k] = {Triple<Scalar>(g[n], g[n + 1], g[n + 2]), Triple<Scalar>(g[n + 3], g[n + 4], g[n + 5])};
+    V[k] = {Triple<Scalar>(wrench[0][k], wrench[1][k], wrench[2][k]),
+            Triple<Scalar>(wrench[3][k], wrench[4][k], wrench[5][k])};
 #pragma GCC unroll 8
     for (int j = 0; j < k; ++j) { V[k] -= V[j] * L(k, j); }
     V[k] = V[k] * (Scalar(1) / L(k, k));
@@ -364,9 +363,11 @@ template <class Scalar, class Data>
   }
   std::array<Lane, 6> G;
   for (Lane& column : G) { clear<Scalar>(column); }
-  add_body(body, f.R, f.r, abreast<Lane, Scalar, 6>(C), G);
+  Motions<Lane> wrench;
+  add_body(body, f.R, f.r, abreast<Lane, Scalar, 6>(C), G, wrench);
   if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, C.data(), 12); }  // the world's beyond
-  ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, abreast<Lane, Scalar, 6>(C), springs, ws, G);
+  ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, abreast<Lane, Scalar, 6>(C), springs, ws, G,
+                                  static_cast<Motions<Lane>*>(nullptr));
   Vector6<Scalar> of_motions;
   for (int k = 0; k < 6; ++k) {
     of_motions(k) = Scalar(0);
