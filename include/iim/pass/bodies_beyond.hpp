@@ -128,7 +128,7 @@ public:
                       state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0,
                       rotors_.size(), springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
-    has_several_ |= S::n_frames == 1 && S::n_i > 0 && !has_unit_column<S>();
+    has_several_ |= S::n_i > 0 && !(S::n_frames == 1 && has_unit_column<S>());
   }
   /// After the last. several: whether accelerations go side by side.
   void allocate(const TreeData<Scalar>& tree, bool several)
@@ -142,7 +142,7 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(tree);
-    if (several && has_several_) { several_.allocate(depths, most_frames, static_cast<Index>(most_velocities_)); }
+    if (several && has_several_) { several_.allocate(depths + 1, most_frames, static_cast<Index>(most_velocities_)); }
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a, as far as is_enough(frame, its
@@ -155,6 +155,21 @@ public:
   {
     several_.add_beyond(
         *this, node, a,
+        [&](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
+          return is_enough(frame, motions, sum) || depth > most_one_by_one;
+        },
+        springs, ws, G, wrench);
+  }
+
+  /// The same of subsystem `node` itself and what hangs on it, its inlet at rest, q̈ the columns of C. wrench: on the
+  /// inlet.
+  template <class Lane, class Data, int n, class Sum, class IsEnough>
+  [[gnu::noinline]] void add_of_velocities(const IsEnough& is_enough, const Node& node,
+                                           const Eigen::Matrix<Scalar, n, n>& C, bool springs, const Data& ws, Sum& G,
+                                           Motions<Lane>& wrench)
+  {
+    several_.add_of_velocities(
+        *this, node, C,
         [&](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
           return is_enough(frame, motions, sum) || depth > most_one_by_one;
         },

@@ -195,6 +195,16 @@ template <Scene scene, class S, class Workspace>
       weak = weak && !mended;
     }
   }
+  constexpr bool is_compound = mends_compounds<S, Workspace>();
+  [[maybe_unused]] Columns V;
+  if constexpr (is_compound) {
+    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(8), Scalar(0)) && diagnosis.status == Status::ok)
+        [[unlikely]] {
+      mended =
+          mend_compound<Scalar, n_i>(node, D, scale, scene.implicit, ws, positive, state.MbarR_inv_root, D_inv, V, W);
+      weak = weak && !mended;
+    }
+  }
   if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
   if constexpr (mends_several<Workspace> && mends_any<S, Workspace>()) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
@@ -206,7 +216,7 @@ template <Scene scene, class S, class Workspace>
   for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
-    if (!(mends_roots<S, Workspace>() && mended)) [[likely]] {
+    if (!((mends_roots<S, Workspace>() || is_compound) && mended)) [[likely]] {
       W[d] = U[0] * D_inv(d, 0);
 #pragma GCC unroll 8
       for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
@@ -239,7 +249,7 @@ template <Scene scene, class S, class Workspace>
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
     const SpatialInertia<Scalar>& A_k = !apart && mends_pivots<S, Workspace>() && mended ? reduced : A_of(k);
-    if constexpr (mends_roots<S, Workspace>()) {
+    if constexpr (mends_roots<S, Workspace>() || is_compound) {
       return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
@@ -252,8 +262,10 @@ template <Scene scene, class S, class Workspace>
   for (const SpunRotor<S>& rotor : spun) {
     TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
     if constexpr (Workspace::update == Update::projected) {
+      if (!(is_compound && mended)) [[likely]] {
 #pragma GCC unroll 8
-      for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
+        for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
+      }
     }
     add_square(rotor.J, z, A);
     // |z| ≤ 1 is wrong by ε.
@@ -262,6 +274,7 @@ template <Scene scene, class S, class Workspace>
   }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     for (const auto& spring : state.springs) {
+      if (is_compound && mended) [[unlikely]] { break; }
       TriplePair<Scalar> z = W[0] * spring.ratio(0);
 #pragma GCC unroll 8
       for (int d = 1; d < n_i; ++d) { z += W[d] * spring.ratio(d); }
@@ -269,6 +282,9 @@ template <Scene scene, class S, class Workspace>
     }
   }
   if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
+  if constexpr (is_compound) {
+    if (mended) [[unlikely]] { subtract_product(V, V, A); }
+  }
 
   add_inlet_bodies<scene>(node, state, ws, A, hg);
 #pragma GCC unroll 8

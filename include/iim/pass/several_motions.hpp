@@ -46,15 +46,29 @@ public:
     copy(a, a_of(0, 0));
     if (has_wrench_) { copy(*wrench, w_of(0, 0)); }
     deepest_ = 0;
-    for (Index i = node.index + 1; i < node.subtree_end;) {
-      const Node& next = ws.tree().node(i);
-      const Index depth = ws.tree().depth(i) - ws.tree().depth(node.index);
-      come_back(depth, bodies, ws);
-      const bool whole = bodies.part(i).is_free || move(next, depth, bodies, is_enough, springs, ws, G);
-      i = whole ? next.subtree_end : i + 1;
-    }
-    come_back(1, bodies, ws);
+    add_beyond(0, node, bodies, is_enough, springs, ws, G);
     if (has_wrench_) { copy(w_of(0, 0), *wrench); }
+  }
+
+  /// The same of subsystem `node` itself and what hangs on it, its inlet at rest, q̈ the columns of C. wrench: on the
+  /// inlet.
+  template <class Bodies, class Data, int n, class Sum, class IsEnough>
+  [[gnu::always_inline]] void add_of_velocities(const Bodies& bodies, const Node& node,
+                                                const Eigen::Matrix<Scalar, n, n>& C, const IsEnough& is_enough,
+                                                bool springs, const Data& ws, Sum& G, Motions<Lane>& wrench)
+  {
+    has_wrench_ = true;
+    for (int d = 0; d < n; ++d) {
+      side_by_side<Lane, Scalar, n>([&](int k) __attribute__((always_inline)) { return C(d, k); }, qdd_[at(d)]);
+    }
+    Motions<Lane> y;
+    for (Lane& x : y) { clear<Scalar>(x); }
+    const auto never = [](auto&&...) { return false; };
+    move_with(node, 1, y, bodies, never, springs, ws, G);
+    add_beyond(1, node, bodies, is_enough, springs, ws, G);
+    copy(w_of(1, 0), wrench);
+    for (int k = 1; k < bodies.part(node.index).n_frames; ++k) { add(w_of(1, k), wrench); }
+    if (bodies.has_more(node.index, ws)) { add(at_inlet_[1], wrench); }
   }
 
 private:
@@ -65,6 +79,21 @@ private:
   {
 #pragma GCC unroll 8
     for (std::size_t i = 0; i < 6; ++i) { sum[i] += x[i]; }
+  }
+
+  /// What hangs on `node`, which is `from` deep.
+  template <class Bodies, class Data, class Sum, class IsEnough>
+  [[gnu::always_inline]] void add_beyond(Index from, const Node& node, const Bodies& bodies, const IsEnough& is_enough,
+                                         bool springs, const Data& ws, Sum& G)
+  {
+    for (Index i = node.index + 1; i < node.subtree_end;) {
+      const Node& next = ws.tree().node(i);
+      const Index depth = from + ws.tree().depth(i) - ws.tree().depth(node.index);
+      come_back(depth, bodies, ws);
+      const bool whole = bodies.part(i).is_free || move(next, depth, bodies, is_enough, springs, ws, G);
+      i = whole ? next.subtree_end : i + 1;
+    }
+    come_back(from + 1, bodies, ws);
   }
 
   /// Whether the frames of a subsystem are whole.
@@ -82,6 +111,16 @@ private:
       qdd_[at(d)] =
           -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
     }
+    return move_with(node, depth, y, bodies, is_enough, springs, ws, G);
+  }
+
+  /// With guidance accelerations y and qdd_.
+  template <class Bodies, class Data, class Sum, class IsEnough>
+  [[gnu::always_inline]] bool move_with(const Node& node, Index depth, const Motions<Lane>& y, const Bodies& bodies,
+                                        const IsEnough& is_enough, bool springs, const Data& ws, Sum& G)
+  {
+    const auto& part = bodies.part(node.index);
+    const int n = part.n_i;
     const Scalar* S = part.S;
     bool whole = true;
     for (int k = 0; k < part.n_frames; ++k) {

@@ -141,6 +141,20 @@ template <class Scalar, int n>
   }
 }
 
+/// V = X L⁻ᵀ, the columns of X in lanes.
+template <class Scalar, int n, class Lane>
+[[gnu::always_inline]] inline void divided_columns(const Motions<Lane>& X, const Eigen::Matrix<Scalar, n, n>& L,
+                                                   SixColumns<Scalar, n>& V)
+{
+#pragma GCC unroll 8
+  for (int k = 0; k < n; ++k) {
+    V[k] = {Triple<Scalar>(X[0][k], X[1][k], X[2][k]), Triple<Scalar>(X[3][k], X[4][k], X[5][k])};
+#pragma GCC unroll 8
+    for (int j = 0; j < k; ++j) { V[k] -= V[j] * L(k, j); }
+    V[k] = V[k] * (Scalar(1) / L(k, k));
+  }
+}
+
 /// S = Q R, columns of Q orthonormal, R upper triangular.
 template <class Scalar, int n>
 struct Orthonormal {
@@ -306,14 +320,7 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   if (weak) { ws.second_look().note_mended_pivot(); }
 
   SixColumns<Scalar, n> V, W;
-#pragma GCC unroll 8
-  for (int k = 0; k < n; ++k) {
-    V[k] = {Triple<Scalar>(wrench[0][k], wrench[1][k], wrench[2][k]),
-            Triple<Scalar>(wrench[3][k], wrench[4][k], wrench[5][k])};
-#pragma GCC unroll 8
-    for (int j = 0; j < k; ++j) { V[k] -= V[j] * L(k, j); }
-    V[k] = V[k] * (Scalar(1) / L(k, k));
-  }
+  divided_columns<Scalar, n>(wrench, L, V);
 #pragma GCC unroll 8
   for (int k = 0; k < n; ++k) {
 #pragma GCC unroll 8
@@ -338,6 +345,48 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   square_of_root(C, reduction.D_inv);
   reduction.W = W;
   reduction.positive = positive;
+  return true;
+}
+
+/// Whether the steps of S do so of what has several frames, or several velocities and rotors.
+template <class S, class Data>
+constexpr bool mends_compounds()
+{
+  return mends_several<Data> && !is_free<S>() && S::n_i > 0 && S::n_i <= 6 && !mends_pivots<S, Data>() &&
+         !mends_roots<S, Data>();
+}
+
+/// The same with the sums over all frames of the subsystem, its rotors and springs. Its A' is ΣA − V Vᵀ, V = U C: no
+/// column S is there that it must be zero along. scale: of D's diagonal. False, and all as it was, if that cannot be.
+template <class Scalar, int n, class Data>
+[[gnu::noinline]] bool mend_compound(const Node& node, const Eigen::Matrix<Scalar, n, n>& D,
+                                     const Eigen::Matrix<Scalar, n, 1>& scale, bool springs, Data& ws,
+                                     bool& all_positive, Eigen::Matrix<Scalar, n, n>& C_of_A,
+                                     Eigen::Matrix<Scalar, n, n>& D_inv, SixColumns<Scalar, n>& V,
+                                     SixColumns<Scalar, n>& W)
+{
+  using Lane = EightLanes<Scalar>;
+  Eigen::Matrix<Scalar, n, n> C = C_of_A, L;
+  if (!all_positive) [[unlikely]] { root_of_inverse<Scalar, n, true>(D, scale, C); }
+  std::array<Lane, static_cast<std::size_t>(n)> G;
+  for (Lane& column : G) { clear<Scalar>(column); }
+  Motions<Lane> wrench;
+  ws.bodies_beyond().add_of_velocities(is_enough_for_each<Scalar>(ws), node, C, springs, ws, G, wrench);
+  if (!lower_root<Scalar, n>(G, L)) { return false; }
+  divide(C, L);
+  bool positive = true, weak = false;
+  for (int k = 0; k < n; ++k) {
+    const Scalar pivot = Scalar(1) / (C(k, k) * C(k, k));
+    if (!ScalarTraits<Scalar>::is_positive(pivot - squared_roundings<Scalar>() * scale(k))) { return false; }
+    positive &= ScalarTraits<Scalar>::is_positive(pivot - pivot_tolerance<Scalar>() * scale(k));
+    weak |= !ScalarTraits<Scalar>::is_positive(Scalar(64) * pivot - scale(k));
+  }
+  if (weak) { ws.second_look().note_mended_pivot(); }
+  divided_columns<Scalar, n>(wrench, L, V);
+  times_transposed_root(V, C, W);
+  C_of_A = C;
+  square_of_root(C, D_inv);
+  all_positive = positive;
   return true;
 }
 
