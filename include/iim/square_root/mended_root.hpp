@@ -1,13 +1,13 @@
-// Pivots that are small against the inertia that they stand in, of joints with several velocities and of screws, in the
-// projected form: weak_pivot.hpp in as many directions at once.
+// Pivots that are small against the inertia that they stand in, of joints with several velocities, of subsystems with
+// several frames, and of screws, in the projected form: weak_pivot.hpp in as many directions at once.
 //
 // A S, as it is, gives a root C of M̄_R⁻¹ = C Cᵀ. Its errors make the columns of S C move heavy bodies a little, but by
 // no more than roundings; how much they move in all, and what with them, the bodies beyond tell:
 //
-//     G = Σ_b aᵀ I_b a = Cᵀ D C,        (U C)ₑ = Σ_b aₑᵀ I_b a,        a = S C;  aₑ: the inlet moved along axis e
+//     G = Σ_b aᵀ I_b a = Cᵀ D C,        U C = Σ_b Pᵀ I_b a,        a = S C
 //
-// as deep as the roundings of each column ask. G is 1 but for what C is wrong by: C to C L⁻ᵀ, L Lᵀ = G, and U C with
-// it. As A' S = 0, A' is taken across S again,
+// as deep as the roundings of each column ask (several_motions.hpp). G is 1 but for what C is wrong by: C to C L⁻ᵀ, L
+// Lᵀ = G, and U C with it. As A' S = 0, A' is taken across S again,
 //
 //     W = S⁺ + C Vᵀ,        A' = E (A − V Vᵀ) E,        V = E U C,        E = 1 − S S⁺
 //
@@ -18,8 +18,14 @@
 // states the error of B̂ is over 16 ε in 11 for ball joints (87), 9 for universal ones (28), 9 for all kinds together on
 // a free base (53), the worst 25, 36 and 28 ε (160, 53, 218); chains of them 23 for balls (264) and for universal
 // joints (71). Four balls, universal, cylindrical or planar joints under 10⁶ times their weight 3 to 5 ε in half of the
-// states (6·10⁴ to 6·10⁵), six screws 9 (61). Passes of such boxes take 10 to 70 % longer than with C alone, loaded
-// ones 50 to 100 %. From pivots of a fourth on, three times as many states of boxes on balls are over 16 ε.)
+// states (6·10⁴ to 6·10⁵), six screws 9 (61). Passes of such boxes take up to 2.2 times as long as without. From pivots
+// of a fourth on, three times as many states of boxes on balls are over 16 ε.)
+//
+// Of several frames, and of several velocities with rotors, the sums are over all of them, and A' = ΣA − V Vᵀ, V = U C.
+// (Compounds, parallelograms and flexible links in a row, with geared rotors: of 200 random robots, ten states each, B̂
+// is off by no more than 200 times what rounding the data makes, without by 2·10⁴. A wrist as one compound, stretched
+// out but for 10⁻³ rad, under 1, 10³, 10⁶ times its weight: B̂ 1.5, 1.7, 630 ε in half of 60 states, 13, 6, 3000 at
+// most; without 4, 1800, 6·10⁵, and 17, 10⁴, 10⁷.)
 //
 // Of a free base, where nothing is handed on, C alone is mended. (Of 3000 random chains on a free base like their links
 // the error of B̂ is over 16 ε for 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at
