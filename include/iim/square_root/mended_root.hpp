@@ -276,6 +276,25 @@ auto is_enough_for_each(const Data& ws)
       };
 }
 
+/// Whether the pivots of a mended C are more than roundings of motions. positive: whether none is below
+/// pivot_tolerance.
+template <class Scalar, int n, class Data>
+[[gnu::always_inline]] inline bool stand_out(const Eigen::Matrix<Scalar, n, n>& C,
+                                             const Eigen::Matrix<Scalar, n, 1>& scale, Data& ws, bool& positive)
+{
+  bool weak = false;
+  positive = true;
+#pragma GCC unroll 8
+  for (int k = 0; k < n; ++k) {
+    const Scalar pivot = Scalar(1) / (C(k, k) * C(k, k));
+    if (!ScalarTraits<Scalar>::is_positive(pivot - squared_roundings<Scalar>() * scale(k))) { return false; }
+    positive &= ScalarTraits<Scalar>::is_positive(pivot - pivot_tolerance<Scalar>() * scale(k));
+    weak |= !ScalarTraits<Scalar>::is_positive(Scalar(64) * pivot - scale(k));
+  }
+  if (weak) { ws.second_look().note_mended_pivot(); }
+  return true;
+}
+
 /// What of a joint's step mend() makes right: all but D and U, which nothing needs from there on.
 template <class Scalar, int n>
 struct Reduction {
@@ -315,15 +334,8 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, a, springs, ws, G, &wrench);
   if (!lower_root<Scalar, n>(G, L)) { return false; }
   divide(C, L);
-  bool positive = true, weak = false;
-#pragma GCC unroll 8
-  for (int k = 0; k < n; ++k) {
-    const Scalar pivot = Scalar(1) / (C(k, k) * C(k, k));
-    if (!ScalarTraits<Scalar>::is_positive(pivot - squared_roundings<Scalar>() * scale(k))) { return false; }
-    positive &= ScalarTraits<Scalar>::is_positive(pivot - pivot_tolerance<Scalar>() * scale(k));
-    weak |= !ScalarTraits<Scalar>::is_positive(Scalar(64) * pivot - scale(k));
-  }
-  if (weak) { ws.second_look().note_mended_pivot(); }
+  bool positive;
+  if (!stand_out(C, scale, ws, positive)) { return false; }
 
   SixColumns<Scalar, n> V, W;
   divided_columns<Scalar, n>(wrench, L, V);
@@ -380,14 +392,8 @@ template <class Scalar, int n, class Data>
   ws.bodies_beyond().add_of_velocities(is_enough_for_each<Scalar>(ws), node, C, springs, ws, G, wrench);
   if (!lower_root<Scalar, n>(G, L)) { return false; }
   divide(C, L);
-  bool positive = true, weak = false;
-  for (int k = 0; k < n; ++k) {
-    const Scalar pivot = Scalar(1) / (C(k, k) * C(k, k));
-    if (!ScalarTraits<Scalar>::is_positive(pivot - squared_roundings<Scalar>() * scale(k))) { return false; }
-    positive &= ScalarTraits<Scalar>::is_positive(pivot - pivot_tolerance<Scalar>() * scale(k));
-    weak |= !ScalarTraits<Scalar>::is_positive(Scalar(64) * pivot - scale(k));
-  }
-  if (weak) { ws.second_look().note_mended_pivot(); }
+  bool positive;
+  if (!stand_out(C, scale, ws, positive)) { return false; }
   divided_columns<Scalar, n>(wrench, L, V);
   times_transposed_root(V, C, W);
   C_of_A = C;
