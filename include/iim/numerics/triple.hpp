@@ -262,6 +262,8 @@ struct TriplePair {
   Triple<Scalar> linear, angular;
 
   TriplePair() = default;
+  /// One after the other: both in one, as g++ copies otherwise, are loaded in another size than they were stored in,
+  /// and wait for that (passes of chains of boxes, where small pivots are mended, 22 % less).
   [[gnu::always_inline]] TriplePair(const TriplePair& b) : linear(b.linear), angular(b.angular) {}
   [[gnu::always_inline]] TriplePair& operator=(const TriplePair& b)
   {

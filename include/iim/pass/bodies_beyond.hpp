@@ -5,9 +5,9 @@
 // meets a small inertia gets far, and a subsystem's sum takes as long in a chain of any length. (Counting subsystems
 // instead, 32 of them, B̂ of a limb under 10⁹ beside forty fingers had 2·10⁶ ε, if these were added first.)
 //
-// Of one acceleration (single_motion.hpp), or of up to eight or sixteen side by side (motion_products.hpp). Types do
-// not come into it: each subsystem has said once where its numbers are. (With a function of each type for any number of
-// accelerations the pass of a biped without rotors took 133 ns a joint instead of 96.)
+// Of one acceleration (single_motion.hpp), or of up to eight side by side (several_motions.hpp). Types do not come into
+// it: each subsystem has said once where its numbers are. (With a function of each type for any number of accelerations
+// the pass of a biped without rotors took 133 ns a joint instead of 96.)
 #pragma once
 
 #include <iim/body.hpp>
@@ -153,12 +153,7 @@ public:
   [[gnu::noinline]] void add_up_until(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a, bool springs,
                                       const Data& ws, Sum& G, Motions<Lane>* wrench)
   {
-    several_.add_beyond(
-        *this, node, a,
-        [&](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
-          return is_enough(frame, motions, sum) || depth > most_one_by_one;
-        },
-        springs, ws, G, wrench);
+    several_.add_beyond(*this, node, a, or_deep<Lane, Sum>(is_enough), springs, ws, G, wrench);
   }
 
   /// The same of subsystem `node` itself and what hangs on it, its inlet at rest, q̈ the columns of C. wrench: on the
@@ -168,12 +163,7 @@ public:
                                            const Eigen::Matrix<Scalar, n, n>& C, bool springs, const Data& ws, Sum& G,
                                            Motions<Lane>& wrench)
   {
-    several_.add_of_velocities(
-        *this, node, C,
-        [&](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
-          return is_enough(frame, motions, sum) || depth > most_one_by_one;
-        },
-        springs, ws, G, wrench);
+    several_.add_of_velocities(*this, node, C, or_deep<Lane, Sum>(is_enough), springs, ws, G, wrench);
   }
 
   /// The same of one acceleration a, as far as is_enough(frame, its acceleration, G) says; and the wrench on the frame.
@@ -222,6 +212,15 @@ public:
   }
 
 private:
+  /// Whether A of a frame is good enough, or so deep that it has to be.
+  template <class Lane, class Sum, class IsEnough>
+  static auto or_deep(const IsEnough& is_enough)
+  {
+    return [&is_enough](Index depth, Index frame, const Motions<Lane>& motions, const Sum& sum) {
+      return is_enough(frame, motions, sum) || depth > most_one_by_one;
+    };
+  }
+
   Array<Part> parts_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;

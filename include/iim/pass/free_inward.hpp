@@ -27,9 +27,9 @@
 #include <iim/pass/carried.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
+#include <iim/pass/mended_root.hpp>
 #include <iim/pass/roundings.hpp>
 #include <iim/spatial.hpp>
-#include <iim/square_root/mended_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -82,8 +82,7 @@ template <Scene scene, class S, class Workspace>
   A_body.set_zero();
   add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
   const TriplePair<Scalar> own(state.S_k[0].data()), W(state.W.data());
-  TriplePair<Scalar> held = A_body.of_linear(own.linear);
-  held += A_body.of_angular(own.angular);
+  TriplePair<Scalar> held = times(A_body, own);
   axis.force = dot(own, h_body);
   Scalar left(0);  // M̄_R (1 − W S)
   // A rotor adds J gᵀg, g = (0, aᵀ, e); z = (0; a) − Wᵀ e is what of it follows the guidance, and Σ J (zᵀS) z of all,

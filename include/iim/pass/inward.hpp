@@ -9,12 +9,13 @@
 #include <iim/pass/free_inward.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
+#include <iim/pass/mended_compound.hpp>
+#include <iim/pass/mended_root.hpp>
 #include <iim/pass/roundings.hpp>
 #include <iim/pass/turned_step.hpp>
 #include <iim/pass/weak_pivot.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root/inward_root.hpp>
-#include <iim/square_root/mended_root.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 

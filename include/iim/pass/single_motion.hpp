@@ -4,8 +4,8 @@
 //     w = Σ_b Pᵀ I_b a,        P = 1 − S W of each joint between,
 //
 // so that aₑᵀ w is the sum of the products with any other acceleration aₑ of the frame. Of free joints Sᵀ w is zero but
-// for what W is wrong by, which w then has by its square only, as G. (With the six aₑ beside a
-// in eight lanes a mended pivot took 1030 instructions instead of 750.)
+// for what W is wrong by, which w then has by its square only, as G. (With the six aₑ beside a in
+// eight lanes a mended pivot took 1030 instructions instead of 750.)
 #pragma once
 
 #include <iim/body.hpp>

@@ -9,8 +9,9 @@
 // over all bodies and rotors from the joint on, that is what the joint moves where the joints beyond it are free. Of
 // all motions beyond this is the least such sum, so that errors of W count by their squares only; it has no
 // differences, and the moments of a body meet the motion in its own axes. U is the same of a and of the motions that
-// the inlet's axes make, Uₑ = Σ_b a_bᵀ I_b aₑ. The sums go on, body by body, until A of a frame is good enough for what
-// hangs on it: until the roundings of A along a are no more than those of a pivot that is not small.
+// the inlet's axes make, Uₑ = Σ_b a_bᵀ I_b aₑ (single_motion.hpp). The sums go on, body by body, until A of a frame is
+// good enough for what hangs on it: until the roundings of A along a are no more than those of a pivot that is not
+// small.
 //
 // A' = PᵀA P would bring the roundings of A along S in again, times ‖W‖². As A' S = 0, it is taken across S alone:
 //
@@ -35,7 +36,7 @@
 // Several states at once do so for all lanes where it is to be done in one; passes of such boxes take a third of the
 // time that they took when each such state was computed by itself.
 //
-// Of several velocities, of several frames, of screws, and of a free base: mended_root.hpp.
+// Of several velocities, of screws, and of a free base: mended_root.hpp; of several frames: mended_compound.hpp.
 #pragma once
 
 #include <iim/pass/articulated_inertia.hpp>

@@ -1,5 +1,5 @@
-// Pivots that are small against the inertia that they stand in, of joints with several velocities, of subsystems with
-// several frames, and of screws, in the projected form: weak_pivot.hpp in as many directions at once.
+// Pivots that are small against the inertia that they stand in, of joints with several velocities and of screws, in the
+// projected form: weak_pivot.hpp in as many directions at once.
 //
 // A S, as it is, gives a root C of M̄_R⁻¹ = C Cᵀ. Its errors make the columns of S C move heavy bodies a little, but by
 // no more than roundings; how much they move in all, and what with them, the bodies beyond tell:
@@ -21,11 +21,7 @@
 // states (6·10⁴ to 6·10⁵), six screws 9 (61). Passes of such boxes take up to 2.2 times as long as without. From pivots
 // of a fourth on, three times as many states of boxes on balls are over 16 ε.)
 //
-// Of several frames, and of several velocities with rotors, the sums are over all of them, and A' = ΣA − V Vᵀ, V = U C.
-// (Compounds, parallelograms and flexible links in a row, with geared rotors: of 200 random robots, ten states each, B̂
-// is off by no more than 200 times what rounding the data makes, without by 2·10⁴. A wrist as one compound, stretched
-// out but for 10⁻³ rad, under 1, 10³, 10⁶ times its weight: B̂ 1.5, 1.7, 630 ε in half of 60 states, 13, 6, 3000 at
-// most; without 4, 1800, 6·10⁵, and 17, 10⁴, 10⁷.)
+// Of several frames, and of several velocities with rotors: mended_compound.hpp.
 //
 // Of a free base, where nothing is handed on, C alone is mended. (Of 3000 random chains on a free base like their links
 // the error of B̂ is over 16 ε for 0.7 %, 3.5 % without; on a base 10⁻⁶ as heavy, its limbs about one axis, 13 ε at
@@ -229,8 +225,7 @@ template <class Scalar, int n>
 {
   Eigen::Matrix<Scalar, n, n> D;
   for (int d = 0; d < n; ++d) {
-    TriplePair<Scalar> U = A.of_linear(Q[d].linear);
-    U += A.of_angular(Q[d].angular);
+    const TriplePair<Scalar> U = times(A, Q[d]);
     for (int e = d; e < n; ++e) { D(e, d) = dot(Q[e], U); }
   }
   root_of_inverse<Scalar, n, true>(D, scale, C);
@@ -363,42 +358,6 @@ template <MotionPattern pattern, class Scalar, int n, class Data>
   square_of_root(C, reduction.D_inv);
   reduction.W = W;
   reduction.positive = positive;
-  return true;
-}
-
-/// Whether the steps of S do so of what has several frames, or several velocities and rotors.
-template <class S, class Data>
-constexpr bool mends_compounds()
-{
-  return mends_several<Data> && !is_free<S>() && S::n_i > 0 && S::n_i <= 6 && !mends_pivots<S, Data>() &&
-         !mends_roots<S, Data>();
-}
-
-/// The same with the sums over all frames of the subsystem, its rotors and springs. Its A' is ΣA − V Vᵀ, V = U C: no
-/// column S is there that it must be zero along. scale: of D's diagonal. False, and all as it was, if that cannot be.
-template <class Scalar, int n, class Data>
-[[gnu::noinline]] bool mend_compound(const Node& node, const Eigen::Matrix<Scalar, n, n>& D,
-                                     const Eigen::Matrix<Scalar, n, 1>& scale, bool springs, Data& ws,
-                                     bool& all_positive, Eigen::Matrix<Scalar, n, n>& C_of_A,
-                                     Eigen::Matrix<Scalar, n, n>& D_inv, SixColumns<Scalar, n>& V,
-                                     SixColumns<Scalar, n>& W)
-{
-  using Lane = EightLanes<Scalar>;
-  Eigen::Matrix<Scalar, n, n> C = C_of_A, L;
-  if (!all_positive) [[unlikely]] { root_of_inverse<Scalar, n, true>(D, scale, C); }
-  std::array<Lane, static_cast<std::size_t>(n)> G;
-  for (Lane& column : G) { clear<Scalar>(column); }
-  Motions<Lane> wrench;
-  ws.bodies_beyond().add_of_velocities(is_enough_for_each<Scalar>(ws), node, C, springs, ws, G, wrench);
-  if (!lower_root<Scalar, n>(G, L)) { return false; }
-  divide(C, L);
-  bool positive;
-  if (!stand_out(C, scale, ws, positive)) { return false; }
-  divided_columns<Scalar, n>(wrench, L, V);
-  times_transposed_root(V, C, W);
-  C_of_A = C;
-  square_of_root(C, D_inv);
-  all_positive = positive;
   return true;
 }
 
