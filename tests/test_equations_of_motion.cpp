@@ -127,7 +127,7 @@ Pose pose(const Tree& tree, const Vector& q)
       inlet = parent * at;
     }
     const NodeState<S>& state = ws.template node<S>(node);
-    pose.inlet_R.push_back(state.R);
+    pose.inlet_R.push_back(ws.inlet_axes(node, state));
     pose.inlet_p.push_back(inlet.p);
     for (int k = 0; k < S::n_frames; ++k) {
       const FrameState<Real>& f = ws.frame(node.frame + k);

@@ -102,7 +102,7 @@ private:
       }
       add_body(tree_->frame_mass(node.frame + k), f.R, f.r, frame);
     }
-    add_body(tree_->inlet_mass(node.index), state.R, r, inlet);
+    add_body(tree_->inlet_mass(node.index), ws.inlet_axes(node, state), r, inlet);
 
     for_each_coupled_rotor<S>(s, [&](const auto& rotor) {
       At& carrier = at(rotor.frame < 0 ? node.inlet : node.frame + rotor.frame);
@@ -195,7 +195,7 @@ private:
   static Vector3<Scalar> rotor_axis(const RotorType& rotor, const N& node, const NodeState<S>& state,
                                     const Workspace& ws)
   {
-    return times(rotor.frame < 0 ? state.R : ws.frame(node.frame + rotor.frame).R, rotor.axis);
+    return times(rotor.frame < 0 ? ws.inlet_axes(node, state) : ws.frame(node.frame + rotor.frame).R, rotor.axis);
   }
 
   const Tree* tree_;

@@ -15,8 +15,7 @@ ForwardDynamics<Workspace> run_pass(const Q& q, const V& qd, const typename Work
 {
   ForwardPass<scene, Workspace> pass(workspace, step);
   if (pass.fits(q, qd)) {
-    pass.kinematics(q, qd);
-    pass.inertia();
+    pass.out_and_in(q, qd, [] {});
     pass.accelerations();
   }
   return pass.receipt();
@@ -28,9 +27,7 @@ Acceleration<typename Workspace::Scalar> run_pass(const Q& q, const V& qd, const
 {
   ForwardPass<scene, Workspace> pass(workspace, step);
   if (pass.fits(q, qd) && pass.takes(inputs, u)) {
-    pass.kinematics(q, qd);
-    pass.apply(inputs, u);
-    pass.inertia();
+    pass.out_and_in(q, qd, [&] { pass.apply(inputs, u); });
     pass.accelerations();
   }
   return pass.acceleration();

@@ -138,8 +138,7 @@ public:
     detail::ForwardPass<scene, Workspace> pass(workspace);
     bool finite = false;
     if (pass.fits(q.derived(), qd.derived())) {
-      pass.kinematics(q.derived(), qd.derived());
-      pass.inertia();
+      pass.out_and_in(q.derived(), qd.derived(), [] {});
       if constexpr (detail::lane_count<Scalar> >
                     1) {  // several states wait for nothing: one by one the loops take 2 % less
         if (use_product() &&

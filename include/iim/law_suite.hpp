@@ -124,7 +124,8 @@ private:
     if constexpr (S::n_i > 0) {
       const Coordinates<S> q_i = q_.template segment<S::n_q>(node_.q);
       const NodeState<S>& state = robot_.ws.template node<S>(node_);
-      check_inertia(subsystems[static_cast<std::size_t>(number)].Mbar, internal_inertia(part_, q_i), state.R);
+      check_inertia(subsystems[static_cast<std::size_t>(number)].Mbar, internal_inertia(part_, q_i),
+                    robot_.ws.inlet_axes(node_, state));
     }
     const Observation now = observe(tree, q_, qd_);
     check_equations(subsystems, qdd, now);

@@ -15,23 +15,54 @@
 
 namespace iim {
 
-/// State of one frame. World axes, but for A, h, size and loss (ParallelAxes::of); at the coupling point of the
-/// subsystem that moves the frame. (What is no number comes last: Triple::settled.)
+/// Inertia of what one frame carries, at the coupling point of the subsystem that moves the frame, in the axes of its
+/// step (ParallelAxes::of).
 template <class Scalar>
-struct FrameState {
-  Matrix3<Scalar> R;         ///< frame to world
-  Vector3<Scalar> r;         ///< frame origin from the coupling point [m]
-  Vector3<Scalar> omega;     ///< angular velocity [rad/s]
-  Vector6<Scalar> bias;      ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
+struct FrameInertia {
   Vector6<Scalar> h;         ///< bias wrench of what A is the inertia of
   SpatialInertia<Scalar> A;  ///< inertia: its own bodies and all that hangs on it (M̄* of what the frame carries);
                              ///< before the frame's own step inward, of what hangs on it
   detail::TriplePair<Scalar> size;  ///< of the roundings of A (roundings.hpp)
   detail::TriplePair<Scalar> loss;  ///< roundings that what hangs on the frame has left to A
-  Vector6<Scalar> Vdot;             ///< acceleration
-  bool offset = false;              ///< whether the frame's bodies are about another point than the coupling point
-  bool arrived = false;             ///< on the way inward: whether anything has come to A, h and size
-  bool loses = false;               ///< whether loss is, and large against A
+
+  FrameInertia& inertia() { return *this; }
+  const FrameInertia& inertia() const { return *this; }
+};
+
+namespace detail {
+
+/// Of several states at once, the place where it is from when the first comes to the frame until its own step
+/// (SharedPlaces).
+template <class Scalar>
+struct PlacedInertia {
+  FrameInertia<Scalar>* place = nullptr;
+
+  FrameInertia<Scalar>& inertia() { return *place; }
+  const FrameInertia<Scalar>& inertia() const { return *place; }
+};
+
+}  // namespace detail
+
+/// How one frame moves. World axes; at the coupling point of the subsystem that moves the frame.
+template <class Scalar>
+struct FrameMovement {
+  Matrix3<Scalar> R;      ///< frame to world
+  Vector3<Scalar> r;      ///< frame origin from the coupling point [m]
+  Vector3<Scalar> omega;  ///< angular velocity [rad/s]
+  Vector6<Scalar> bias;   ///< acceleration of the frame for zero guidance acceleration and q̈ = 0
+};
+
+/// State of one frame. (What is no number comes last: Triple::settled.)
+template <class Scalar>
+struct FrameState
+    : FrameMovement<Scalar>,
+      std::conditional_t<detail::bodies_first<Scalar>, detail::PlacedInertia<Scalar>, FrameInertia<Scalar>> {
+  using FrameMovement<Scalar>::R, FrameMovement<Scalar>::r;
+
+  Vector6<Scalar> Vdot;  ///< acceleration
+  bool offset = false;   ///< whether the frame's bodies are about another point than the coupling point
+  bool arrived = false;  ///< on the way inward: whether anything has come to A, h and size
+  bool loses = false;    ///< whether loss is, and large against A
 
   /// The point that the frame's bodies are about, from the coupling point.
   Vector3<Scalar> bodies_at() const { return offset ? r : Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)); }
@@ -85,10 +116,10 @@ struct NodeMemory {
   static constexpr int n_i = Shape::n_i;
 
   std::array<Eigen::Matrix<Scalar, 6, n_i>, Shape::n_frames> S_k;  ///< twist of frame k per q̇_i, at the coupling point
-  Matrix3<Scalar> R;                                               ///< inlet to world
-  Vector3<Scalar> r;                               ///< coupling point from the parent's coupling point, r_pi [m]
-  Vector3<Scalar> c;                               ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
-  Eigen::Matrix<Scalar, 6, n_i> U;                 ///< guidance–q̇ block of M̄*
+  Matrix3<Scalar> R;                ///< inlet to world, where it is not that of the frame (WorkspaceData::inlet_axes)
+  Vector3<Scalar> r;                ///< coupling point from the parent's coupling point, r_pi [m]
+  Vector3<Scalar> c;                ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
+  Eigen::Matrix<Scalar, 6, n_i> U;  ///< guidance–q̇ block of M̄*
   Eigen::Matrix<Scalar, n_i, n_i> MbarR;           ///< D = M̄_R (17); as A has it (mended_root.hpp)
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;  ///< C with M̄_R⁻¹ = C Cᵀ
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;       ///< M̄_R⁻¹

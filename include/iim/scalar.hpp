@@ -116,6 +116,8 @@ inline constexpr bool bodies_first = false;
 template <class Scalar>
 struct OneByOne {
   static void ask() {}
+  static bool is_asked() { return false; }
+  static void withdraw() {}
 };
 
 }  // namespace detail

@@ -92,7 +92,7 @@ void set_matrices(const Node& node, const S& s, const NodeState<S>& state, const
                          m.frame[static_cast<std::size_t>(k)], m);
   }
   const MatrixX<Scalar> inlet = MatrixX<Scalar>::Identity(6, 6 + n_i);
-  add_bodies<velocity>(ws.tree().inlet_mass(node.index), state.R, zero,
+  add_bodies<velocity>(ws.tree().inlet_mass(node.index), ws.inlet_axes(node, state), zero,
                        node.inlet < 0 ? zero : ws.frame(node.inlet).omega, Vector6<Scalar>(Vector6<Scalar>::Zero()),
                        inlet, m);
   add_rotors<Scene{.velocity = velocity}>(node, s, state, ws, m);

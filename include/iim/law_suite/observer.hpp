@@ -79,14 +79,15 @@ Observation observe(const Tree& tree, const Eigen::VectorXd& q, const Eigen::Vec
       if (body.present) { o.potential -= body.mass * tree.gravity().dot(o.origin[f] + o.R[f] * body.com); }
     }
     const FrameMass<double>& body = tree.inlet_mass(node.index);
-    o.kinetic += body_energy(body, state.R, v, omega);
-    if (body.present) { o.potential -= body.mass * tree.gravity().dot(x + state.R * body.com); }
+    const Matrix3<double>& R = ws.inlet_axes(node, state);
+    o.kinetic += body_energy(body, R, v, omega);
+    if (body.present) { o.potential -= body.mass * tree.gravity().dot(x + R * body.com); }
     if constexpr (rotor_count<S>() > 0) {
       for (const auto& rotor : s.rotors()) {
         double spin = (rotor.ratio * qd_i).value();
         if (rotor.coupled) {
           const auto f = static_cast<std::size_t>(node.frame + std::max(rotor.frame, 0));
-          spin += rotor.frame < 0 ? (state.R * rotor.axis).dot(omega) : (o.R[f] * rotor.axis).dot(o.omega[f]);
+          spin += rotor.frame < 0 ? (R * rotor.axis).dot(omega) : (o.R[f] * rotor.axis).dot(o.omega[f]);
         }
         o.kinetic += rotor.inertia * spin * spin / 2;
       }

@@ -171,7 +171,7 @@ private:
         const Vector6<Scalar>& y = y_[at(node.index)];
         SpatialInertia<Scalar> A;
         TriplePair<Scalar> h;
-        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), state.R, at_inlet,
+        place_bodies<false, scene.velocity>(tree_->inlet_mass(node.index), ws.inlet_axes(node, state), at_inlet,
                                             triple(ws.frame(node.inlet).omega), A, h);
         Vector6<Scalar> f_body;
         h.put(f_body.data());

@@ -36,6 +36,8 @@ inline constexpr bool bodies_first<iim::Lanes<T, N>> = true;
 template <class T, int N>
 struct OneByOne<iim::Lanes<T, N>> {
   static void ask() { LaneVote::divide(); }
+  static bool is_asked() { return LaneVote::divided(); }
+  static void withdraw() { LaneVote::reset(); }
 };
 
 }  // namespace detail

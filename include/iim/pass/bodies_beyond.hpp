@@ -113,9 +113,9 @@ public:
     ratios_.clear();
     springs_.clear();
   }
-  /// The next subsystem.
+  /// The next subsystem. R: its inlet's, where it stays.
   template <class S, class State>
-  void add(const S& s, const State& state)
+  void add(const S& s, const Matrix3<Scalar>& R, const State& state)
   {
     if constexpr (rotor_count<S>() > 0) {
       for (const auto& rotor : s.rotors()) {
@@ -124,9 +124,9 @@ public:
       }
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
-    parts_.push_back({&state.R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(),
-                      state.qd.data(), S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0,
-                      rotors_.size(), springs_.size()});
+    parts_.push_back({&R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(), state.qd.data(),
+                      S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0, rotors_.size(),
+                      springs_.size()});
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
     has_several_ |= S::n_i > 0 && !(S::n_frames == 1 && has_unit_column<S>());
   }

@@ -16,7 +16,7 @@ template <class Scalar>
 [[gnu::always_inline]] inline void clear_size(FrameState<Scalar>& f)
 {
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-  f.size = {zero, zero};
+  f.inertia().size = {zero, zero};
   f.loses = false;
   f.arrived = true;
 }
@@ -26,6 +26,7 @@ template <bool velocity, class Scalar>
 [[gnu::noinline]] void place(const FrameMass<Scalar>& body, const Matrix3<Scalar>* axes, FrameState<Scalar>& f)
 {
   clear_size(f);
+  FrameInertia<Scalar>& all = f.inertia();
   TriplePair<Scalar> h;
   if (axes) [[unlikely]] {
     Matrix3<Scalar> R = f.R;
@@ -33,13 +34,13 @@ template <bool velocity, class Scalar>
     turn_triples(*axes, false, R.data(), 3);
     turn_triples(*axes, false, r.data(), 1);
     turn_triples(*axes, false, omega.data(), 1);
-    place_bodies<true, velocity>(body, R, triple(r), triple(omega), f.A, h);
+    place_bodies<true, velocity>(body, R, triple(r), triple(omega), all.A, h);
   } else if (f.offset) {
-    place_bodies<true, velocity>(body, f.R, triple(f.r), triple(f.omega), f.A, h);
+    place_bodies<true, velocity>(body, f.R, triple(f.r), triple(f.omega), all.A, h);
   } else {
-    place_bodies<false, velocity>(body, f.R, triple(f.r), triple(f.omega), f.A, h);
+    place_bodies<false, velocity>(body, f.R, triple(f.r), triple(f.omega), all.A, h);
   }
-  h.put(f.h.data());
+  h.put(all.h.data());
 }
 
 /// Before anything else comes to a frame.
@@ -53,8 +54,8 @@ template <bool velocity, class Workspace>
     place<velocity>(ws.tree().frame_mass(frame), ws.axes().of(frame), f);
   } else {
     clear_size(f);
-    f.A.set_zero();
-    f.h.setZero();
+    f.inertia().A.set_zero();
+    f.inertia().h.setZero();
   }
 }
 
@@ -64,6 +65,13 @@ struct Carried {
   SpatialInertia<Scalar> A;
   TriplePair<Scalar> h;
 };
+
+/// What has come to it.
+template <class Scalar>
+[[gnu::always_inline]] inline Carried<Scalar> carried_at(const FrameState<Scalar>& f)
+{
+  return {f.inertia().A, TriplePair<Scalar>(f.inertia().h.data())};
+}
 
 /// Its own bodies.
 template <class S, bool velocity, class Scalar>
@@ -78,16 +86,16 @@ template <class Scalar>
 [[gnu::always_inline]] inline void add_arrived(const FrameState<Scalar>& f, Carried<Scalar>& all)
 {
   if (!f.arrived) { return; }
-  all.A += f.A;
-  all.h += TriplePair<Scalar>(f.h.data());
+  all.A += f.inertia().A;
+  all.h += TriplePair<Scalar>(f.inertia().h.data());
 }
 
 /// For who looks at it: FrameState::A and h.
 template <class Scalar>
 [[gnu::always_inline]] inline void keep(const Carried<Scalar>& all, FrameState<Scalar>& f)
 {
-  f.A = all.A;
-  all.h.put(f.h.data());
+  f.inertia().A = all.A;
+  all.h.put(f.inertia().h.data());
 }
 
 /// The bodies that a subsystem has on its inlet. (Few have any: called.)
@@ -107,7 +115,7 @@ template <Scene scene, class S, class Workspace>
 {
   const FrameMass<typename S::Scalar>& body = ws.tree().inlet_mass(node.index);
   if (!body.present) { return; }
-  const auto own = bodies_on_inlet<scene.velocity>(body, state.R, ws.frame(node.inlet).omega);
+  const auto own = bodies_on_inlet<scene.velocity>(body, ws.inlet_axes(node, state), ws.frame(node.inlet).omega);
   A += own.A;
   h += own.h;
 }
@@ -129,7 +137,8 @@ template <class Scalar>
 [[gnu::always_inline]] inline TriplePair<Scalar> largest(const FrameState<Scalar>& f, const SpatialInertia<Scalar>& A)
 {
   if (!bodies_first<Scalar> && !f.arrived) { return {A.M.diagonal(), A.J.diagonal()}; }
-  return {max(f.size.linear, A.M.diagonal()), max(f.size.angular, A.J.diagonal())};
+  const TriplePair<Scalar>& size = f.inertia().size;
+  return {max(size.linear, A.M.diagonal()), max(size.angular, A.J.diagonal())};
 }
 
 /// Bias wrench of what a frame carries: h + A bias.

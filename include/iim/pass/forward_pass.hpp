@@ -40,9 +40,8 @@ public:
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
     ws_.begin_use();
-    if constexpr (refines<Data>) { ws_.second_look().clear(); }
-    ws_.load().setZero();
-    if (!(step >= Scalar(0)) || !detail::is_finite(step)) { diagnosis_.fail(Status::invalid_state, -1); }
+    if constexpr (bodies_first<Scalar>) { ws_.places().begin(ws_.tree(), ws_.frames()); }
+    begin();
   }
 
   /// h̄ −= B̄ u: motor torques on the velocities, contact wrenches on the frames.
@@ -68,9 +67,10 @@ public:
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
           for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) { ws_.root(input.frame).own.at(rhs, k) += z(k); }
         } else {
+          if constexpr (bodies_first<Scalar>) { ws_.places().keep(input.frame, ws_.tree(), ws_.frames()); }
           arrive<scene.velocity>(input.frame, ws_);
         }
-        f.h -= wrench;
+        f.inertia().h -= wrench;
       }
     });
   }
@@ -79,6 +79,14 @@ public:
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 protected:
+  void begin()
+  {
+    diagnosis_ = Diagnosis{};
+    if constexpr (refines<Data>) { ws_.second_look().clear(); }
+    ws_.load().setZero();
+    if (!(step_ >= Scalar(0)) || !detail::is_finite(step_)) { diagnosis_.fail(Status::invalid_state, -1); }
+  }
+
   // Inlined: called, it costs the pass of an arm 1 %.
   template <class S>
   [[gnu::always_inline]] void accelerate(const Node& node, const NodeMemory<S>& state)
@@ -278,6 +286,26 @@ public:
     return is_same && u_fits ? true : refuse();
   }
 
+  /// The first two loops. load(): what is applied between them.
+  template <class Q, class V, class Load>
+  void out_and_in(const Q& q, const V& qd, Load&& load)
+  {
+    [[maybe_unused]] const bool asked = OneByOne<Scalar>::is_asked();
+    kinematics(q, qd);
+    load();
+    inertia();
+    if constexpr (bodies_first<Scalar>) {
+      while (ws_.places().mends_lack(ws_.tree(), ws_.frames())) [[unlikely]] {
+        if (!asked) { OneByOne<Scalar>::withdraw(); }
+        this->begin();
+        kinematics(q, qd);
+        load();
+        inertia();
+      }
+    }
+  }
+
+private:
   template <class Q, class V>
   void kinematics(const Q& q, const V& qd)
   {
@@ -318,6 +346,7 @@ public:
     }
   }
 
+public:
   /// From the base outward again: accelerations, (18) and (19). also(node, its memory): what else goes outward. Each of
   /// the two waits for its step before, and the other runs meanwhile.
   template <class Also>

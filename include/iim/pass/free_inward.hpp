@@ -63,9 +63,9 @@ template <class Scalar>
   axis.size = {zero, zero};
   axis.loss = Scalar(0);
   if (!f.arrived) { return; }
-  complete_axis(f.A, TriplePair<Scalar>(f.h.data()), axis);
-  axis.size = largest(f, f.A);
-  if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.loss); }
+  complete_axis(f.inertia().A, TriplePair<Scalar>(f.inertia().h.data()), axis);
+  axis.size = largest(f, f.inertia().A);
+  if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.inertia().loss); }
 }
 
 /// The axis of the limb's first joint s, at its step inward. h_q: its bias force without the load.
@@ -173,15 +173,17 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     complete_axis(f, axis);
     const FrameState<Scalar>& limb = ws.frame(axis.receiver);
     arrive<scene.velocity>(node.frame, ws);
-    f.A += limb.A;
-    add(f.h, limb.h);
-    f.size = {max(f.size.linear, limb.size.linear), max(f.size.angular, limb.size.angular)};
-    if (limb.loses) [[unlikely]] { add_loss(limb.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
+    FrameInertia<Scalar>& all = f.inertia();
+    const FrameInertia<Scalar>& more = limb.inertia();
+    all.A += more.A;
+    add(all.h, more.h);
+    all.size = {max(all.size.linear, more.size.linear), max(all.size.angular, more.size.angular)};
+    if (limb.loses) [[unlikely]] { add_loss(more.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
   }
 
   Carried<Scalar> all;
   if constexpr (bodies_first<Scalar>) {
-    all = {f.A, Pair(f.h.data())};
+    all = carried_at(f);
   } else {
     all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame), f);
     complete_axis(all.A, all.h, axis);
@@ -218,9 +220,10 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   A_T(5, 5) = dot(S_1, a);
   scale(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), axis.size) + axis.within;
   if (f.loses) [[unlikely]] {
-    for (int i = 0; i < 3; ++i) { scale(i) += square(f.loss.linear(i)); }
+    const Pair& loss = f.inertia().loss;
+    for (int i = 0; i < 3; ++i) { scale(i) += square(loss.linear(i)); }
     scale(5) += square(axis.loss);
-    for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], f.loss.angular)); }
+    for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], loss.angular)); }
   }
   Matrix6<Scalar> C_T;
   bool positive = root_of_inverse<Scalar, 6>(A_T, scale, C_T);

@@ -33,7 +33,8 @@ template <Scene scene, class S, class RotorType, class Workspace>
   spun.J = rotor.inertia;
   if (!rotor.coupled) { return spun; }
   const bool on_inlet = rotor.frame < 0;
-  spun.a = combined(settled_columns(on_inlet ? state.R : ws.frame(node.frame + rotor.frame).R), rotor.axis);
+  spun.a = combined(settled_columns(on_inlet ? ws.inlet_axes(node, state) : ws.frame(node.frame + rotor.frame).R),
+                    rotor.axis);
   if (!on_inlet) {
     const auto& S_k = state.S_k[static_cast<std::size_t>(rotor.frame)];
 #pragma GCC unroll 8

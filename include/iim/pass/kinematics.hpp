@@ -134,17 +134,18 @@ struct KinematicStep {
     const Placement<Scalar>& at = ws.tree().placement(node.index);
     Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
     if (node.inlet < 0) {
-      state.R = at.R;
       state.r = at.p;
     } else {
       const FrameState<Scalar>& inlet = ws.frame(node.inlet);
-      if (ws.tree().placement_turns(node.index)) {
-        multiply(inlet.R, at.R, state.R);
-      } else {
+      if (ws.keeps_inlet_axes(node.index)) {
+        if (ws.tree().placement_turns(node.index)) {
+          multiply(inlet.R, at.R, state.R);
+        } else {
 #pragma GCC unroll 8
-        for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
+          for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
+        }
+        if (ws.tree().straightens(node.index)) { straighten(state.R); }
       }
-      if (ws.tree().straightens(node.index)) { straighten(state.R); }
       const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
       r.put(state.r.data());
       if constexpr (scene.velocity) {
@@ -170,15 +171,16 @@ struct KinematicStep {
     if constexpr (scene.velocity && pattern.bias) {  // what the pass before left there is not for `motion` to remove
       for (int k = 0; k < S::n_frames; ++k) { ws.frame(node.frame + k).bias.setZero(); }
     }
+    const Matrix3<Scalar>& R = ws.inlet_axes(node, state);
     bool moved = false;
     if constexpr (takes_turn<S>()) {
-      moved = s.motion(state.R, ws.turns().of(node.q, q_i(0)), qd_i, frames);
+      moved = s.motion(R, ws.turns().of(node.q, q_i(0)), qd_i, frames);
     } else {
-      moved = s.motion(state.R, q_i, qd_i, frames);
+      moved = s.motion(R, q_i, qd_i, frames);
     }
     if (!moved) { diagnosis.fail(Status::invalid_state, node.index); }
     if constexpr (is_free<S>()) {
-      add(state.r, times(state.R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2))));
+      add(state.r, times(R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2))));
       for (int i = 0; i < 3; ++i) { state.r(i) -= ws.frame(node.frame).r(i); }
       const auto& S_0 = state.S_k[0];
 #pragma GCC unroll 8
@@ -228,7 +230,7 @@ struct KinematicStep {
         const Vector3<Scalar> at_point(Scalar(0), Scalar(0), Scalar(0));
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r,
                                                 f.omega, N_k);
-        f.h.setZero();
+        f.inertia().h.setZero();
       } else {
         f.arrived = false;
         f.loses = false;

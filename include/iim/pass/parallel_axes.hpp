@@ -226,6 +226,8 @@ public:
   }
 
   bool empty() const { return groups_.empty(); }
+  /// Whether a frame's may be turned.
+  bool has_group(Index frame) const { return !empty() && group_[static_cast<std::size_t>(frame)] >= 0; }
   /// Whether A of both frames is in the same axes at any state.
   bool share(Index frame, Index other) const
   {

@@ -63,7 +63,7 @@ template <class S>
   for (int k = 0; k < S::n_frames; ++k) {
     if (!frames[k].loses) { continue; }
     for (int d = 0; d < S::n_i; ++d) {
-      along(d) += column_dot<S::pattern>(state.S_k[static_cast<std::size_t>(k)], d, frames[k].loss);
+      along(d) += column_dot<S::pattern>(state.S_k[static_cast<std::size_t>(k)], d, frames[k].inertia().loss);
     }
   }
   return along;
@@ -89,8 +89,8 @@ template <class Scalar>
 void add_loss(TriplePair<Scalar> loss, const Vector3<Scalar>& r, FrameState<Scalar>& inlet)
 {
   loss.angular += cross(triple(r), loss.linear);
-  if (inlet.loses) { loss += inlet.loss; }
-  inlet.loss = loss;
+  if (inlet.loses) { loss += inlet.inertia().loss; }
+  inlet.inertia().loss = loss;
   inlet.loses = true;
 }
 
@@ -107,7 +107,7 @@ template <class S>
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
   TriplePair<Scalar> loss(zero, zero);
   for (int k = 0; k < S::n_frames; ++k) {
-    if (frames[k].loses) { loss += frames[k].loss; }
+    if (frames[k].loses) { loss += frames[k].inertia().loss; }
   }
   for (int d = 0; d < S::n_i; ++d) { loss -= gain(state, d) * along(d); }
   if (weak) {
@@ -144,8 +144,9 @@ template <class Scalar>
   const Triple<Scalar> square = a * a, next = square.turned(), after = next.turned();
   const Triple<Scalar> mass_next = size.linear.turned(), mass_after = mass_next.turned();
   const Triple<Scalar> distant = mass_next * after + mass_after * next;
-  inlet.size.linear = max(inlet.size.linear, size.linear);
-  inlet.size.angular = max(max(inlet.size.angular, size.angular), distant);
+  TriplePair<Scalar>& there = inlet.inertia().size;
+  there.linear = max(there.linear, size.linear);
+  there.angular = max(max(there.angular, size.angular), distant);
 }
 
 }  // namespace iim::detail

@@ -137,7 +137,7 @@ private:
       const Index frame = node.frame + k;
       const auto& f = ws.frame(frame);
       if (whole) {
-        add_inertia(f.A, ws.axes().of(frame), a_of(depth, k), G, w_of(depth, k));
+        add_inertia(f.inertia().A, ws.axes().of(frame), a_of(depth, k), G, w_of(depth, k));
       } else {
         add_body(ws.tree().frame_mass(frame), f.R, f.r, a_of(depth, k), G, w_of(depth, k));
       }

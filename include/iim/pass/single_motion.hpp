@@ -257,11 +257,11 @@ private:
       return BodyAccelerated<Scalar>(body, f.R, Triple<Scalar>::settled(f.r.data()), a).wrench(body, G);
     }
     if (const auto* axes = ws.axes().of(frame)) [[unlikely]] {
-      const TriplePair<Scalar> own = turned(*axes, false, a), w = times(f.A, own);
+      const TriplePair<Scalar> own = turned(*axes, false, a), w = times(f.inertia().A, own);
       G += dot(own, w);
       return turned(*axes, true, w);
     }
-    const TriplePair<Scalar> w = times(f.A, a);
+    const TriplePair<Scalar> w = times(f.inertia().A, a);
     G += dot(a, w);
     return w;
   }

@@ -73,18 +73,14 @@ public:
     if (inlet >= 0 && own_ != there_) {
       FrameState<Scalar>& to = ws.frame(receiver);
       had_ = to.arrived;
-      if (had_) {
-        A_ = to.A;
-        h_ = to.h;
-        size_ = to.size;
-        lost_ = to.loses;
-        loss_ = to.loss;
-      }
+      FrameInertia<Scalar>& there = to.inertia();
+      lost_ = to.loses;
+      if (had_) { before_ = there; }
       if constexpr (bodies_first<Scalar>) {  // what is handed on is added to what is there
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
-        to.A.set_zero();
-        to.h.setZero();
-        to.size = {zero, zero};
+        there.A.set_zero();
+        there.h.setZero();
+        there.size = {zero, zero};
         to.loses = false;
       } else {
         to.arrived = false;
@@ -136,20 +132,21 @@ private:
     Matrix3<Scalar> E = Matrix3<Scalar>::Identity();
     if (own_) { E = *own_; }
     if (there_) { turn_triples(*there_, false, E.data(), 3); }
-    const SpatialInertia<Scalar> came = inlet.A;
+    FrameInertia<Scalar>& there = inlet.inertia();
+    const SpatialInertia<Scalar> came = there.A;
     const Columns<Scalar> axes(E);
-    turn_each(axes, inlet.h.data(), 2);
+    turn_each(axes, there.h.data(), 2);
     Matrix3<Scalar> squares;
     for (int k = 0; k < 9; ++k) { squares.data()[k] = E.data()[k] * E.data()[k]; }
-    inlet.A = {turned_block(E, came.M), turned_block(E, came.H), turned_block(E, came.J)};
-    inlet.size = {combined(squares, inlet.size.linear), combined(squares, inlet.size.angular)};
-    if (inlet.loses) { inlet.loss = {combined(E, inlet.loss.linear), combined(E, inlet.loss.angular)}; }
+    there.A = {turned_block(E, came.M), turned_block(E, came.H), turned_block(E, came.J)};
+    there.size = {combined(squares, there.size.linear), combined(squares, there.size.angular)};
+    if (inlet.loses) { there.loss = {combined(E, there.loss.linear), combined(E, there.loss.angular)}; }
     if (!had_) { return; }
-    inlet.A += A_;
-    add(inlet.h, h_);
-    inlet.size = {max(size_.linear, inlet.size.linear), max(size_.angular, inlet.size.angular)};
-    if (inlet.loses && lost_) { inlet.loss += loss_; }
-    if (!inlet.loses && lost_) { inlet.loss = loss_; }
+    there.A += before_.A;
+    add(there.h, before_.h);
+    there.size = {max(before_.size.linear, there.size.linear), max(before_.size.angular, there.size.angular)};
+    if (inlet.loses && lost_) { there.loss += before_.loss; }
+    if (!inlet.loses && lost_) { there.loss = before_.loss; }
     inlet.loses |= lost_;
   }
 
@@ -162,10 +159,7 @@ private:
   Matrix3<Scalar> R_inlet_, R_;
   Vector3<Scalar> r_, c_, r_frame_, omega_, omega_inlet_;
 
-  // What the inlet had.
-  SpatialInertia<Scalar> A_;
-  Vector6<Scalar> h_;
-  TriplePair<Scalar> size_, loss_;
+  FrameInertia<Scalar> before_;  // what the inlet had
   bool had_, lost_;
 };
 

@@ -105,7 +105,7 @@ template <class Scalar, class Data>
   if (f.loses) { return false; }
   TriplePair<Scalar> a = acceleration;
   if (const auto* own = ws.axes().of(frame)) [[unlikely]] { a = turned(*own, false, a); }
-  const TriplePair<Scalar> size = largest(f, f.A);
+  const TriplePair<Scalar> size = largest(f, f.inertia().A);
   const Scalar rounding = dot(TriplePair<Scalar>(a.linear * a.linear, a.angular * a.angular), size);
   return ScalarTraits<Scalar>::is_positive(Scalar(8) * so_far - rounding);
 }

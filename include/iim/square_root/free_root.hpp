@@ -178,7 +178,7 @@ void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diag
     inertia.G.fill(nothing);
   }
   // (E b; rate) = G (z₁ − Gᵀ (h; Sᵀh)), with the forces on the velocities themselves in h
-  Vector6<Scalar> h = f.h;
+  Vector6<Scalar> h = f.inertia().h;
   for (int d = 0; d < 6; ++d) {
     const Scalar& load = ws.load()(node.v + d);
     for (int i = 0; i < 6; ++i) { h(i) -= state.W(d, i) * load; }

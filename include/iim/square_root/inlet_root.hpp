@@ -151,7 +151,7 @@ template <class S, class Workspace>
 {
   using Scalar = typename S::Scalar;
   RootInertia<Scalar>& inlet = ws.root(node.inlet);
-  Scalar* const to = inlet.keeps_v ? inlet.h.data() : ws.frame(node.inlet).h.data();
+  Scalar* const to = inlet.keeps_v ? inlet.h.data() : ws.frame(node.inlet).inertia().h.data();
   TriplePair<Scalar> sum(to);
   sum += TriplePair<Scalar>(h.linear, h.angular + cross(Triple<Scalar>(state.r.data()), h.linear));
   sum.put(to);
@@ -309,7 +309,8 @@ template <Scene scene, class S, class Workspace, class Rows, int n_within>
     Scalar scale;
     OwnRows<Scalar> own;
     own.set(body);
-    place_roots<scene.velocity, Along::column>(body, state.R, at_inlet, ws.frame(node.inlet).omega, column, own, scale);
+    place_roots<scene.velocity, Along::column>(body, ws.inlet_axes(node, state), at_inlet, ws.frame(node.inlet).omega,
+                                               column, own, scale);
     if (inlet.keeps_v) { inlet.scale += scale; }
     if constexpr (scene.velocity && rotor_count<S>() > 0) {
       for (int k = 3; k < body_rows; ++k) { own.at(rhs, k) += left.turning(k - 3); }

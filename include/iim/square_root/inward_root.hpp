@@ -92,7 +92,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         for (int i = 0; i < 6; ++i) { reduced_from(d) += N_k.reduced_from(i) * abs(S_k(i, d)); }
       }
     }
-    const TriplePair<Scalar> h(f.h.data());
+    const TriplePair<Scalar> h(f.inertia().h.data());
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(S_k, d, h); }
     if (k == 0) {
@@ -170,7 +170,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
         const BodyRoot<Scalar>& carrier = ws.inlet_body(node.index);
         if (rotor.frame < 0 && node.inlet >= 0 && carrier.rows > 3) {
           Vector3<Scalar> moment(spun.moment(0), spun.moment(1), spun.moment(2));
-          left.turning += triple(moment_of_rows(carrier, state.R, moment));
+          left.turning += triple(moment_of_rows(carrier, ws.inlet_axes(node, state), moment));
           spun.moment = triple(moment);
         }
         add_gyroscopic(spun, rotor, state, hg, hq);

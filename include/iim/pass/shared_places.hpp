@@ -1,0 +1,139 @@
+// Where the inertias that frames carry are, of several states at once. Each is needed from when the first child hands
+// something on until the frame's own step, and afterwards by small pivots further inward alone. Numbers of several
+// states at once do not stay in the nearest memory, and what is written beside it is what they wait for; so frames take
+// the places of those whose steps are done (a chain has two). Pass of several bipeds 9 % less, of chains 5 to 8 %.
+#pragma once
+
+#include <iim/node_state.hpp>
+#include <iim/numerics/array.hpp>
+#include <iim/tree_data.hpp>
+
+#include <algorithm>
+#include <cstddef>
+
+namespace iim::detail {
+
+/// Of all frames of a workspace.
+template <class Scalar>
+class SharedPlaces {
+  using Frames = Array<FrameState<Scalar>>;
+
+public:
+  /// Frames beyond those of the tree, and all where `all`, keep places of their own.
+  [[gnu::cold]] void allocate(const TreeData<Scalar>& tree, bool all, Frames& frames)
+  {
+    inertias_.resize(frames.size());
+    for (FrameInertia<Scalar>& inertia : inertias_) {
+      inertia.h.setZero();
+      inertia.A.set_zero();
+    }
+    place_.resize(frames.size());
+    vacant_.reserve(frames.size());
+    has_beyond_.resize(static_cast<std::size_t>(tree.size()));
+    keeps_always_.resize(frames.size(), false);
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      keeps_always_[f] = all || static_cast<Index>(f) >= tree.n_frames();
+    }
+    keeps_ = keeps_always_;
+    distribute(tree, frames);
+  }
+
+  /// After frames or places are copied.
+  void put(Frames& frames)
+  {
+    for (std::size_t f = 0; f < frames.size(); ++f) { frames[f].place = &inertias_[place_[f]]; }
+  }
+
+  /// Before the loops of a pass. What no pass has needed for a while is shared again.
+  void begin(const TreeData<Scalar>& tree, Frames& frames)
+  {
+    lacks_ = false;
+    if (!shares_less_ || ++unneeded_ < patience) { return; }
+    keeps_ = keeps_always_;
+    shares_less_ = false;
+    distribute(tree, frames);
+  }
+
+  /// For what comes to a frame before the loop inward.
+  void keep(Index frame, const TreeData<Scalar>& tree, Frames& frames)
+  {
+    unneeded_ = 0;
+    if (keeps_[at(frame)]) { return; }
+    keeps_[at(frame)] = shares_less_ = true;
+    distribute(tree, frames);
+  }
+
+  /// Whether the inertias beyond a subsystem are there at its own step. If not, the pass lacks them.
+  bool has_beyond(const Node& node, const TreeData<Scalar>& tree)
+  {
+    if (node.index + 1 == node.subtree_end) { return true; }
+    unneeded_ = 0;
+    if (has_beyond_[at(node.index)]) { return true; }
+    lacks_ = true;
+    for (Index f = tree.node(node.index + 1).frame; f < end_of_frames(node.subtree_end - 1, tree); ++f) {
+      keeps_[at(f)] = true;
+    }
+    return false;
+  }
+
+  /// After the loop inward: whether it has to be done again, with places of their own for what was lacking.
+  bool mends_lack(const TreeData<Scalar>& tree, Frames& frames)
+  {
+    if (!lacks_) { return false; }
+    lacks_ = false;
+    shares_less_ = true;
+    distribute(tree, frames);
+    return true;
+  }
+
+private:
+  static constexpr int patience = 64;  ///< passes
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  static Index end_of_frames(Index subsystem, const TreeData<Scalar>& tree)
+  {
+    return subsystem + 1 < tree.size() ? tree.node(subsystem + 1).frame : tree.n_frames();
+  }
+
+  /// In the order of the loop inward. Shared are the places of frames that keep none.
+  [[gnu::cold]] void distribute(const TreeData<Scalar>& tree, Frames& frames)
+  {
+    std::size_t next = 0;
+    vacant_.clear();
+    std::fill(has_beyond_.begin(), has_beyond_.end(), true);
+    for (std::size_t f = 0; f < place_.size(); ++f) { place_[f] = keeps_[f] ? f : none; }
+    const auto occupy = [&](Index f) {
+      if (place_[at(f)] != none) { return; }
+      if (vacant_.empty()) {
+        while (keeps_[next]) { ++next; }
+        vacant_.push_back(next++);
+      }
+      place_[at(f)] = vacant_.back();
+      vacant_.pop_back();
+    };
+    for (Index i = tree.size(); i-- > 0;) {
+      const Node& node = tree.node(i);
+      const Index end = end_of_frames(i, tree);
+      for (Index f = node.frame; f < end; ++f) { occupy(f); }
+      if (node.inlet >= 0) { occupy(node.inlet); }
+      bool has = has_beyond_[at(i)];
+      for (Index f = node.frame; f < end; ++f) {
+        if (!keeps_[at(f)]) { vacant_.push_back(place_[at(f)]); }
+        has = has && keeps_[at(f)];
+      }
+      if (node.parent >= 0) { has_beyond_[at(node.parent)] &= has; }
+    }
+    put(frames);
+  }
+
+  Array<FrameInertia<Scalar>> inertias_;
+  Array<std::size_t> place_, vacant_;  // of frames; those that no frame is in, while they are given
+  Array<char> keeps_, keeps_always_;   // whether a frame has a place of its own
+  Array<char> has_beyond_;             // whether all frames beyond a subsystem have
+  bool shares_less_ = false;           // than at first
+  bool lacks_ = false;
+  int unneeded_ = 0;  // passes since that was needed
+};
+
+}  // namespace iim::detail
