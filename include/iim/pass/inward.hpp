@@ -166,9 +166,7 @@ template <Scene scene, class S, class Workspace>
   bool weak = loses(D, scale);
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
-    bool has_beyond = weak;
-    if constexpr (bodies_first<Scalar>) { has_beyond = weak && ws.places().has_beyond(node, ws.tree()); }
-    if (has_beyond) [[unlikely]] {
+    if (weak) [[unlikely]] {
       const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), scene.implicit, ws);
       mended = ScalarTraits<Scalar>::is_positive(pivot.D);
       if (mended) {

@@ -29,7 +29,6 @@ public:
     }
     place_.resize(frames.size());
     vacant_.reserve(frames.size());
-    has_beyond_.resize(static_cast<std::size_t>(tree.size()));
     keeps_always_.resize(frames.size(), false);
     for (std::size_t f = 0; f < frames.size(); ++f) {
       keeps_always_[f] = all || static_cast<Index>(f) >= tree.n_frames();
@@ -58,21 +57,17 @@ public:
   void keep(Index frame, const TreeData<Scalar>& tree, Frames& frames)
   {
     unneeded_ = 0;
-    if (keeps_[at(frame)]) { return; }
+    if (has_[at(frame)]) { return; }
     keeps_[at(frame)] = shares_less_ = true;
     distribute(tree, frames);
   }
 
-  /// Whether the inertias beyond a subsystem are there at its own step. If not, the pass lacks them.
-  bool has_beyond(const Node& node, const TreeData<Scalar>& tree)
+  /// Whether the inertia of a frame is there after its own step. If not, the pass lacks it.
+  bool has(Index frame)
   {
-    if (node.index + 1 == node.subtree_end) { return true; }
     unneeded_ = 0;
-    if (has_beyond_[at(node.index)]) { return true; }
-    lacks_ = true;
-    for (Index f = tree.node(node.index + 1).frame; f < end_of_frames(node.subtree_end - 1, tree); ++f) {
-      keeps_[at(f)] = true;
-    }
+    if (has_[at(frame)]) { return true; }
+    keeps_[at(frame)] = lacks_ = true;
     return false;
   }
 
@@ -101,7 +96,7 @@ private:
   {
     std::size_t next = 0;
     vacant_.clear();
-    std::fill(has_beyond_.begin(), has_beyond_.end(), true);
+    has_ = keeps_;
     for (std::size_t f = 0; f < place_.size(); ++f) { place_[f] = keeps_[f] ? f : none; }
     const auto occupy = [&](Index f) {
       if (place_[at(f)] != none) { return; }
@@ -117,21 +112,17 @@ private:
       const Index end = end_of_frames(i, tree);
       for (Index f = node.frame; f < end; ++f) { occupy(f); }
       if (node.inlet >= 0) { occupy(node.inlet); }
-      bool has = has_beyond_[at(i)];
       for (Index f = node.frame; f < end; ++f) {
         if (!keeps_[at(f)]) { vacant_.push_back(place_[at(f)]); }
-        has = has && keeps_[at(f)];
       }
-      if (node.parent >= 0) { has_beyond_[at(node.parent)] &= has; }
     }
     put(frames);
   }
 
   Array<FrameInertia<Scalar>> inertias_;
-  Array<std::size_t> place_, vacant_;  // of frames; those that no frame is in, while they are given
-  Array<char> keeps_, keeps_always_;   // whether a frame has a place of its own
-  Array<char> has_beyond_;             // whether all frames beyond a subsystem have
-  bool shares_less_ = false;           // than at first
+  Array<std::size_t> place_, vacant_;       // of frames; those that no frame is in, while they are given
+  Array<char> has_, keeps_, keeps_always_;  // whether a frame has a place of its own; from the next loop on; always
+  bool shares_less_ = false;                // than at first
   bool lacks_ = false;
   int unneeded_ = 0;  // passes since that was needed
 };
