@@ -119,8 +119,8 @@ struct NodeMemory {
   Matrix3<Scalar> R;                ///< inlet to world, where it is not that of the frame (WorkspaceData::inlet_axes)
   Vector3<Scalar> r;                ///< coupling point from the parent's coupling point, r_pi [m]
   Vector3<Scalar> c;                ///< ω × (ω × r): linear part of Ṫ_ip V_p, inlet velocities only
-  Eigen::Matrix<Scalar, 6, n_i> U;  ///< guidance–q̇ block of M̄*
-  Eigen::Matrix<Scalar, n_i, n_i> MbarR;           ///< D = M̄_R (17); as A has it (mended_root.hpp)
+  Eigen::Matrix<Scalar, 6, n_i> U;  ///< guidance–q̇ block of M̄*; not of several states at once
+  Eigen::Matrix<Scalar, n_i, n_i> MbarR;           ///< D = M̄_R (17); as A has it (mended_root.hpp); as U
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv_root;  ///< C with M̄_R⁻¹ = C Cᵀ
   Eigen::Matrix<Scalar, n_i, n_i> MbarR_inv;       ///< M̄_R⁻¹
   Eigen::Matrix<Scalar, n_i, 6> W;                 ///< gain M̄_R⁻¹ Uᵀ = M̄_R⁻¹ F_iᵀ M̄* (1; 0); of a free one S⁻¹
