@@ -92,7 +92,8 @@ template <class S>
 using ShapeOf = Shape<typename S::Scalar, S::n_i, S::n_frames, S::pattern.about_coupling_point(), is_free<S>(),
                       along<S>() != Along::nothing>;
 
-struct NoColumn {};
+/// In place of what a type does not have.
+struct Nothing {};
 
 /// Whether in square-root form the frame of S moves by one column, and n S is kept beside each of its rows n.
 template <class S>
@@ -134,7 +135,7 @@ struct NodeMemory {
 template <class S>
 struct NodeState : detail::NodeMemory<detail::ShapeOf<S>> {
   [[no_unique_address]] std::conditional_t<detail::has_own_twist<S>(), detail::OwnColumn<typename S::Scalar>,
-                                           detail::NoColumn> own;  ///< of the frame's own bodies
+                                           detail::Nothing> own;  ///< of the frame's own bodies
   [[no_unique_address]] std::array<SpringInertia<typename S::Scalar, S::n_i>,
                                    static_cast<std::size_t>(detail::spring_count<S>())>
       springs;  ///< of an implicit step

@@ -294,9 +294,8 @@ private:
       bool same = tree().name(node.index) == lane_tree_.name(node.index);
       for (int k = 0; k < 9; ++k) { same = same && abs(own.R.data()[k] - other.R.data()[k][0]) <= roundings; }
       for (int k = 0; k < 3; ++k) { same = same && abs(own.p(k) - other.p(k)[0]) <= roundings * length; }
-      const Index end = node.index + 1 < tree().size() ? tree().node(node.index + 1).frame : tree().n_frames();
       same = same && bodies_agree(tree().inlet_mass(node.index), lane_tree_.inlet_mass(node.index), length);
-      for (Index f = node.frame; f < end; ++f) {
+      for (Index f = node.frame; f < tree().end_of_frames(node.index); ++f) {
         same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f), length);
       }
       if (!same) {

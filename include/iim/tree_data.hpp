@@ -98,6 +98,8 @@ public:
   /// How many velocities and motors subsystem i has.
   Index velocities(Index i) const { return (i + 1 < size() ? node(i + 1).v : n_v_) - node(i).v; }
   Index motors(Index i) const { return (i + 1 < size() ? node(i + 1).u : n_u_) - node(i).u; }
+  /// Behind the last of its frames, which begin at Node::frame.
+  Index end_of_frames(Index i) const { return i + 1 < size() ? node(i + 1).frame : n_frames(); }
   const std::string& name(Index i) const { return names_[static_cast<std::size_t>(i)]; }
   const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }

@@ -26,8 +26,6 @@ namespace iim {
 
 namespace detail {
 
-struct Nothing {};
-
 /// What of a workspace depends on Scalar and update alone: all but what each type of subsystem keeps. The steps of the
 /// O(n) pass read and write this, so that a type's steps are compiled once whatever the trees that it is in (with what
 /// else depends on Scalar alone: laws of three types in 31 % less time).
@@ -175,29 +173,14 @@ protected:
     }
   }
 
-  /// Gives each frame a place for its rows that no other needs at that time of the loop inward: what is in use stays in
-  /// the fastest memory, and a chain of any length has two.
   [[gnu::cold]] void place_rows()
   {
-    constexpr std::size_t none = static_cast<std::size_t>(-1);
-    Array<std::size_t> vacant;
-    for (RootInertia<Scalar>& N : root_) { N.place = none; }
-    const auto occupy = [&](Index f) {
-      if (root(f).place != none) { return; }
-      if (vacant.empty()) {
-        vacant.push_back(rows_.size());
-        rows_.emplace_back();
-      }
-      root(f).place = vacant.back();
-      vacant.pop_back();
-    };
-    for (Index i = tree_->size(); i-- > 0;) {
-      const Node& node = tree_->node(i);
-      const Index end = i + 1 < tree_->size() ? tree_->node(i + 1).frame : tree_->n_frames();
-      for (Index f = node.frame; f < end; ++f) { occupy(f); }
-      if (node.inlet >= 0) { occupy(node.inlet); }
-      for (Index f = node.frame; f < end; ++f) { vacant.push_back(root(f).place); }
-    }
+    Array<std::size_t> place(root_.size()), vacant;
+    share_places(*tree_, Array<char>(root_.size(), false), place, vacant, [&] {
+      rows_.emplace_back();
+      return rows_.size() - 1;
+    });
+    for (std::size_t f = 0; f < place.size(); ++f) { root_[f].place = place[f]; }
   }
 
   /// For a subsystem of n_i velocities, n_frames frames, n_within rotors and springs.

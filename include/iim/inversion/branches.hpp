@@ -127,7 +127,7 @@ public:
     }
     Array<int> free;
     for (const Node& node : tree.nodes()) {
-      const Index end = node.index + 1 < tree.size() ? tree.node(node.index + 1).frame : tree.n_frames();
+      const Index end = tree.end_of_frames(node.index);
       if (node.inlet >= 0 && last_use[static_cast<std::size_t>(node.inlet)] == node.index) {
         free.push_back((*this)[node.inlet]);
       }

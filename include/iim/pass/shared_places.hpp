@@ -8,10 +8,40 @@
 #include <iim/numerics/array.hpp>
 #include <iim/tree_data.hpp>
 
-#include <algorithm>
 #include <cstddef>
 
 namespace iim::detail {
+
+/// Gives each frame of the tree, but those that keep theirs, a place that no other needs from when the first of its
+/// children hands something on until its own subsystem has, on the way inward: what is in use stays in the nearest
+/// memory, and a chain of any length has two. next(): one more place. vacant: room, for which nothing is allocated
+/// where it is that of all frames.
+template <class Scalar, class Next>
+[[gnu::cold]] void share_places(const TreeData<Scalar>& tree, const Array<char>& keeps, Array<std::size_t>& place,
+                                Array<std::size_t>& vacant, Next&& next)
+{
+  constexpr std::size_t none = static_cast<std::size_t>(-1);
+  const auto shares = [&](Index f) { return !keeps[static_cast<std::size_t>(f)]; };
+  const auto place_of = [&](Index f) -> std::size_t& { return place[static_cast<std::size_t>(f)]; };
+  vacant.clear();
+  for (Index f = 0; f < tree.n_frames(); ++f) {
+    if (shares(f)) { place_of(f) = none; }
+  }
+  const auto occupy = [&](Index f) {
+    if (!shares(f) || place_of(f) != none) { return; }
+    if (vacant.empty()) { vacant.push_back(next()); }
+    place_of(f) = vacant.back();
+    vacant.pop_back();
+  };
+  for (auto node = tree.nodes().rbegin(); node != tree.nodes().rend(); ++node) {
+    const Index end = tree.end_of_frames(node->index);
+    for (Index f = node->frame; f < end; ++f) { occupy(f); }
+    if (node->inlet >= 0) { occupy(node->inlet); }
+    for (Index f = node->frame; f < end; ++f) {
+      if (shares(f)) { vacant.push_back(place_of(f)); }
+    }
+  }
+}
 
 /// Of all frames of a workspace.
 template <class Scalar>
@@ -83,39 +113,18 @@ public:
 
 private:
   static constexpr int patience = 64;  ///< passes
-  static constexpr std::size_t none = static_cast<std::size_t>(-1);
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  static Index end_of_frames(Index subsystem, const TreeData<Scalar>& tree)
-  {
-    return subsystem + 1 < tree.size() ? tree.node(subsystem + 1).frame : tree.n_frames();
-  }
-
-  /// In the order of the loop inward. Shared are the places of frames that keep none.
+  /// Shared are the places of frames that keep none.
   [[gnu::cold]] void distribute(const TreeData<Scalar>& tree, Frames& frames)
   {
-    std::size_t next = 0;
-    vacant_.clear();
     has_ = keeps_;
-    for (std::size_t f = 0; f < place_.size(); ++f) { place_[f] = keeps_[f] ? f : none; }
-    const auto occupy = [&](Index f) {
-      if (place_[at(f)] != none) { return; }
-      if (vacant_.empty()) {
-        while (keeps_[next]) { ++next; }
-        vacant_.push_back(next++);
-      }
-      place_[at(f)] = vacant_.back();
-      vacant_.pop_back();
-    };
-    for (Index i = tree.size(); i-- > 0;) {
-      const Node& node = tree.node(i);
-      const Index end = end_of_frames(i, tree);
-      for (Index f = node.frame; f < end; ++f) { occupy(f); }
-      if (node.inlet >= 0) { occupy(node.inlet); }
-      for (Index f = node.frame; f < end; ++f) {
-        if (!keeps_[at(f)]) { vacant_.push_back(place_[at(f)]); }
-      }
-    }
+    for (std::size_t f = 0; f < place_.size(); ++f) { place_[f] = f; }
+    std::size_t next = 0;
+    share_places(tree, keeps_, place_, vacant_, [&] {
+      while (keeps_[next]) { ++next; }
+      return next++;
+    });
     put(frames);
   }
 

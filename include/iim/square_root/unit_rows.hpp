@@ -31,10 +31,7 @@ public:
     if (!HeavyFrames<Scalar>(tree).any()) { return; }
     z_1_.resize(static_cast<std::size_t>(tree.max_path_v()));
     Index frames = 1;
-    for (Index i = 0; i < tree.size(); ++i) {
-      const Index end = i + 1 < tree.size() ? tree.node(i + 1).frame : tree.n_frames();
-      frames = std::max(frames, end - tree.node(i).frame);
-    }
+    for (const Node& node : tree.nodes()) { frames = std::max(frames, tree.end_of_frames(node.index) - node.frame); }
     row_.resize(static_cast<std::size_t>((RootInertia<Scalar>::most + 6) * (frames + 2) +
                                          2 * RootInertia<Scalar>::most_within + 12));
     spare_ = row_;
