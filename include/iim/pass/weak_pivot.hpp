@@ -38,10 +38,11 @@
 // Several states at once do so for all lanes where it is to be done in one; passes of such boxes take a third of the
 // time that they took when each such state was computed by itself.
 //
-// (Half to two thirds of what is mended of an arm or a biped could stay as it is: scale/D roundings of x xᵀ/D, x: the
-// joints' accelerations where this one's is 1, are hidden by M⁻¹'s largest entry. With x as far as the next joints, of
-// one state 3 to 7 % less, of several 2 to 8 %; but B̂ of slender arms had up to 17 ε instead of 12, and hidden by half
-// as much, with nothing gained. x of all joints takes as long as the sums.)
+// (A half to two thirds of what is mended of an arm or a biped could stay as it is: scale/D roundings of x xᵀ/D, x: the
+// joints' accelerations where this one's is 1, are hidden by M⁻¹'s largest entry. With x as far as the next joints, and
+// hidden by half of that entry, one state takes 3 to 7 % less, several 2 to 8 %, but B̂ of slender arms has up to 17 ε
+// instead of 12; hidden by all of it, digits are as before, and nothing is gained. x of all joints takes as long as the
+// sums.)
 //
 // Of several velocities, of screws, and of a free base: mended_root.hpp; of several frames: mended_compound.hpp.
 #pragma once
