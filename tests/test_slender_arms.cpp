@@ -88,8 +88,8 @@ TEST_CASE("B̂ of slender arms, one state and several")
     });
   }
   CAPTURE(worst, worst_of_several);
-  CHECK(worst < 16);             // 9 to 12, by compiler
-  CHECK(worst_of_several < 20);  // 9 to 16.3
+  CHECK(worst < 16);             // 8 to 12, by compiler
+  CHECK(worst_of_several < 20);  // 8 to 16.3
 }
 
 }  // namespace test_slender_arms
