@@ -203,8 +203,8 @@ protected:
   {
     for (const Node& node : tree_->nodes()) {
       const Index i = node.index;
-      keeps_inlet_axes_.push_back(node.inlet < 0 || tree_->placement_turns(i) || tree_->straightens(i) ||
-                                  axes_.has_group(node.inlet) || axes_.has_group(node.frame));
+      keeps_inlet_axes_.push_back(node.inlet < 0 || tree_->placement_turns(i) || axes_.has_group(node.inlet) ||
+                                  axes_.has_group(node.frame));
     }
   }
 

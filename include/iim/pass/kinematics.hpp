@@ -144,7 +144,6 @@ struct KinematicStep {
 #pragma GCC unroll 8
           for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
         }
-        if (ws.tree().straightens(node.index)) { straighten(state.R); }
       }
       const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
       r.put(state.r.data());
@@ -179,6 +178,9 @@ struct KinematicStep {
       moved = s.motion(R, q_i, qd_i, frames);
     }
     if (!moved) { diagnosis.fail(Status::invalid_state, node.index); }
+    if (ws.tree().straightens(node.index)) {
+      for (int k = 0; k < S::n_frames; ++k) { straighten(ws.frame(node.frame + k).R); }
+    }
     if constexpr (is_free<S>()) {
       add(state.r, times(R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2))));
       for (int i = 0; i < 3; ++i) { state.r(i) -= ws.frame(node.frame).r(i); }
