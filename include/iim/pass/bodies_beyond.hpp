@@ -53,10 +53,11 @@ public:
   struct Part {
     const Matrix3<Scalar>* R;
     const Vector3<Scalar>* r;
-    const Scalar* S;   ///< of all frames, 6 × n_i each
-    const Scalar* W;   ///< n_i × 6
-    const Scalar* C;   ///< n_i × n_i
-    const Scalar* qd;  ///< where there are rotors
+    const Scalar* S;               ///< of all frames, 6 × n_i each
+    const Scalar* W;               ///< n_i × 6
+    const Scalar* C;               ///< n_i × n_i
+    const Scalar* qd;              ///< where there are rotors
+    const OwnColumn<Scalar>* own;  ///< null: none
     int n_i, n_frames;
     bool is_free;     ///< stays where it is, whatever its inlet does
     bool has_within;  ///< rotors or springs
@@ -88,6 +89,9 @@ public:
     const Scalar* inertia;
     const Scalar* ratio;
   };
+  /// The child of subsystem i that turns about the same axis, if i's frame carries nothing else but bodies, and nothing
+  /// turns within either; else −1.
+  Index coaxial(Index i) const { return coaxial_[static_cast<std::size_t>(i)]; }
   const Part& part(Index i) const { return parts_[static_cast<std::size_t>(i)]; }
   /// f(rotor, its ratios) of each rotor of subsystem i.
   template <class F>
@@ -109,6 +113,8 @@ public:
   void clear()
   {
     parts_.clear();
+    axes_.clear();
+    coaxial_.clear();
     rotors_.clear();
     ratios_.clear();
     springs_.clear();
@@ -124,9 +130,16 @@ public:
       }
     }
     for (const auto& spring : state.springs) { springs_.push_back({&spring.inertia, spring.ratio.data()}); }
+    const OwnColumn<Scalar>* own = nullptr;
+    if constexpr (has_own_twist<S>()) { own = &state.own; }
     parts_.push_back({&R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(), state.qd.data(),
-                      S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0, rotors_.size(),
+                      own, S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0, rotors_.size(),
                       springs_.size()});
+    Vector3<Scalar> axis(Scalar(0), Scalar(0), Scalar(0));
+    if constexpr (has_own_twist<S>() && S::pattern.angular && !S::pattern.linear && rotor_count<S>() == 0) {
+      axis = angular(s.own_twist());
+    }
+    axes_.push_back(axis);
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
     has_several_ |= S::n_i > 0 && !(S::n_frames == 1 && has_unit_column<S>());
   }
@@ -142,6 +155,7 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(tree);
+    find_coaxial(tree);
     if (several && has_several_) { several_.allocate(depths + 1, most_frames, static_cast<Index>(most_velocities_)); }
   }
 
@@ -221,7 +235,30 @@ private:
     };
   }
 
+  [[gnu::cold]] void find_coaxial(const TreeData<Scalar>& tree)
+  {
+    coaxial_.resize(axes_.size(), -1);
+    const Scalar rounding = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
+    for (const Node& node : tree.nodes()) {
+      const Index child = node.index + 1;
+      if (child >= node.subtree_end || tree.node(child).subtree_end < node.subtree_end) { continue; }
+      const auto& own = axes_[static_cast<std::size_t>(node.index)];
+      const auto& next = axes_[static_cast<std::size_t>(child)];
+      const auto is_along = [&](const Vector3<Scalar>& a) {  // own, of length 1 or 0
+        return !ScalarTraits<Scalar>::is_positive(cross(own, a).squaredNorm() - rounding * rounding * a.squaredNorm());
+      };
+      const Placement<Scalar>& at = tree.placement(child);
+      const bool turn =
+          ScalarTraits<Scalar>::is_positive(own.squaredNorm()) && ScalarTraits<Scalar>::is_positive(next.squaredNorm());
+      if (turn && !tree.inlet_mass(child).present && is_along(at.p) && is_along(times(at.R, next))) {
+        coaxial_[static_cast<std::size_t>(node.index)] = child;
+      }
+    }
+  }
+
   Array<Part> parts_;
+  Array<Vector3<Scalar>> axes_;  // that subsystems turn about, in their frames' axes; 0: none
+  Array<Index> coaxial_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;
   Array<SpringPart> springs_;

@@ -167,7 +167,7 @@ template <Scene scene, class S, class Workspace>
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
-      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), scene.implicit, ws);
+      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), hq(0), scene.velocity, scene.implicit, ws);
       mended = ScalarTraits<Scalar>::is_positive(pivot.D);
       if (mended) {
         TriplePair<Scalar> all = U_k[0][0] = pivot.U;
@@ -175,6 +175,7 @@ template <Scene scene, class S, class Workspace>
         add_inertia_within<scene.implicit, S>(state, spun, all, moved);
         U[0] = all;
         D(0, 0) = moved;
+        hq(0) += pivot.more_h;
         weak = false;
       }
     }

@@ -204,9 +204,11 @@ private:
       const Pair& move = moves_[at(node.frame + k)];
       wrench_to_inlet += move;
       all += move;
+      const Index child =
+          springs || ws.second_look().is_touched(node.frame) ? -1 : ws.bodies_beyond().coaxial(node.index);
       for (int d = 0; d < n; ++d) {
         const Pair S = part.column(k, d);
-        h[d] -= dot(S, all);
+        h[d] -= child < 0 ? dot(S, all) : along_coaxial(node, part, child, S, velocity, ws);
         if constexpr (judged) {
           terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
         }
@@ -238,6 +240,17 @@ private:
       sizes.moment += largest_of(part.place()) * sizes.force;
       sizes_[at(node.inlet)] += sizes;
     }
+  }
+
+  /// What passes through a child about the same axis has its load along S, but for roundings (weak_pivot.hpp).
+  template <class Part, class Data>
+  [[gnu::noinline]] Scalar along_coaxial(const Node& node, const Part& part, Index child, const Pair& S, bool velocity,
+                                         Data& ws)
+  {
+    const FrameState<Scalar>& f = ws.frame(node.frame);
+    const Pair U{combined(f.R, part.own->linear), combined(f.R, part.own->angular)};
+    return load_[at(ws.tree().node(child).v)] +
+           along_column(ws.tree().frame_mass(node.frame), f, S, U, accelerations_[at(node.frame)], velocity);
   }
 
   /// δx of a subsystem, and δV̇ of its frames.

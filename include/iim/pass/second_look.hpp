@@ -94,6 +94,8 @@ public:
     }
   }
 
+  bool is_touched(Index frame) const { return is_touched_[at(frame)]; }
+
   /// After the inward loop. A subsystem whose M̄_R is not right; −1 if all are.
   template <class Data>
   [[gnu::cold, gnu::noinline]] Index wrong_pivot(bool springs, Data& ws)

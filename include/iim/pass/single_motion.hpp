@@ -9,6 +9,7 @@
 #pragma once
 
 #include <iim/body.hpp>
+#include <iim/node_state.hpp>
 #include <iim/numerics/array.hpp>
 #include <iim/pass/parallel_axes.hpp>
 #include <iim/spatial.hpp>
@@ -76,6 +77,23 @@ struct BodyAccelerated {
     return all;
   }
 };
+
+/// Sᵀ of what the body of a frame takes that has the acceleration V̇ at its coupling point, S: a column of the joint's,
+/// U: I S, from the body's own axes. Nothing of it that does not move the body along S.
+template <class Scalar>
+[[gnu::noinline]] Scalar along_column(const FrameMass<Scalar>& body, const FrameState<Scalar>& f,
+                                      const TriplePair<Scalar>& S, const TriplePair<Scalar>& U,
+                                      const TriplePair<Scalar>& Vdot, bool velocity)
+{
+  const Scalar force = dot(U, Vdot);
+  if (!velocity || !body.present) { return force; }
+  const auto R = settled_columns(f.R);
+  const TransposedRotation<Scalar> back(R);
+  const Triple<Scalar> omega = triple(f.omega), own = back * omega,
+                       centre = combined(R, body.com) + triple(f.bodies_at());
+  return force + dot(U.linear, cross(omega, cross(omega, centre))) +
+         dot(back * S.angular, cross(own, combined(settled_columns(body.central_inertia), own)));
+}
 
 /// G, and of rotors, if they turned with what carries them: what their spins are left of.
 template <class Scalar>
