@@ -25,9 +25,9 @@
 //
 // Where all that hangs on the joint does so by one that turns about the same axis, nothing of it is felt: that joint's
 // A' and p' have A' S = 0 and Sᵀp' = τ, its load, but for roundings of what passes. D, U and Sᵀp are then the own
-// body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and 8 ε
-// instead of 1100, 200 and 59, over 16 times the data's sensitivity in 2, 8 and 0.5 % of states instead of 84, 49 and 40;
-// under loads 2 % instead of 38.)
+// body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and
+// 8 ε instead of 1100, 200 and 59, over 16 times the data's sensitivity in 2, 8 and 0.5 % of states instead of 84, 49
+// and 40; under loads 2 % instead of 38.)
 //
 // q̈ has the roundings of the forces by which heavy bodies are held, which h is a difference of; it is made right once
 // by what the equations of motion leave of it (second_look.hpp) where a pivot is below 1/64.
