@@ -21,7 +21,8 @@ namespace {
 
 using Links = Assembly<RevoluteLink<double>>;
 
-/// Joints about z, y, z, z, z and x in placements that turn about z; of the three in line two carry rods of some grams.
+/// Joints about z, y, z, −z, z and x in placements that turn about z; of the three in line two carry rods of some
+/// grams.
 Links arm(test::Random& random)
 {
   Links assembly;
@@ -32,7 +33,7 @@ Links arm(test::Random& random)
     const bool is_light = k == 2 || k == 3;
     const double length = random.uniform(0.1, 0.4), width = is_light ? 0.01 : random.uniform(0.05, 0.1);
     RevoluteLink<double> link;
-    link.joint.axis = Vector3<double>::Unit(axes[k]);
+    link.joint.axis = Vector3<double>::Unit(axes[k]) * (k == 3 ? -1.0 : 1.0);
     link.body.mass = is_light ? random.uniform(0.01, 0.03) : random.uniform(2, 5);
     link.body.com = Vector3<double>(0, 0, length / 2);
     if (!is_light) { link.body.com += random.vector(0.02); }

@@ -90,8 +90,20 @@ public:
     const Scalar* ratio;
   };
   /// The child of subsystem i that turns about the same axis, if i's frame carries nothing else but bodies, and nothing
-  /// turns within either; else −1.
-  Index coaxial(Index i) const { return coaxial_[static_cast<std::size_t>(i)]; }
+  /// turns within either.
+  struct Coaxial {
+    Index child = -1;  ///< −1: none
+    bool opposite = false;
+
+    /// What the child's load, of all of them, is about i's axis.
+    template <class Loads>
+    Scalar load(const Loads& loads, const TreeData<Scalar>& tree) const
+    {
+      const Scalar& of_child = loads[tree.node(child).v];
+      return opposite ? Scalar(-of_child) : of_child;
+    }
+  };
+  const Coaxial& coaxial(Index i) const { return coaxial_[static_cast<std::size_t>(i)]; }
   const Part& part(Index i) const { return parts_[static_cast<std::size_t>(i)]; }
   /// f(rotor, its ratios) of each rotor of subsystem i.
   template <class F>
@@ -237,7 +249,7 @@ private:
 
   [[gnu::cold]] void find_coaxial(const TreeData<Scalar>& tree)
   {
-    coaxial_.resize(axes_.size(), -1);
+    coaxial_.resize(axes_.size());
     const Scalar rounding = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
     for (const Node& node : tree.nodes()) {
       const Index child = node.index + 1;
@@ -250,15 +262,16 @@ private:
       const Placement<Scalar>& at = tree.placement(child);
       const bool turn =
           ScalarTraits<Scalar>::is_positive(own.squaredNorm()) && ScalarTraits<Scalar>::is_positive(next.squaredNorm());
-      if (turn && !tree.inlet_mass(child).present && is_along(at.p) && is_along(times(at.R, next))) {
-        coaxial_[static_cast<std::size_t>(node.index)] = child;
+      const Vector3<Scalar> there = times(at.R, next);
+      if (turn && !tree.inlet_mass(child).present && is_along(at.p) && is_along(there)) {
+        coaxial_[static_cast<std::size_t>(node.index)] = {child, ScalarTraits<Scalar>::is_positive(-own.dot(there))};
       }
     }
   }
 
   Array<Part> parts_;
   Array<Vector3<Scalar>> axes_;  // that subsystems turn about, in their frames' axes; 0: none
-  Array<Index> coaxial_;
+  Array<Coaxial> coaxial_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;
   Array<SpringPart> springs_;

@@ -204,11 +204,12 @@ private:
       const Pair& move = moves_[at(node.frame + k)];
       wrench_to_inlet += move;
       all += move;
-      const Index child =
-          springs || ws.second_look().is_touched(node.frame) ? -1 : ws.bodies_beyond().coaxial(node.index);
+      const auto& coaxial = ws.bodies_beyond().coaxial(node.index);
+      const bool is_coaxial = coaxial.child >= 0 && !springs && !ws.second_look().is_touched(node.frame);
       for (int d = 0; d < n; ++d) {
         const Pair S = part.column(k, d);
-        h[d] -= child < 0 ? dot(S, all) : along_coaxial(node, part, child, S, velocity, ws);
+        h[d] -=
+            is_coaxial ? coaxial.load(load_.data(), ws.tree()) + along_own(node, part, S, velocity, ws) : dot(S, all);
         if constexpr (judged) {
           terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
         }
@@ -242,15 +243,14 @@ private:
     }
   }
 
-  /// What passes through a child about the same axis has its load along S, but for roundings (weak_pivot.hpp).
+  /// What passes through a child about the same axis has its load along S, but for roundings (weak_pivot.hpp): of the
+  /// rest.
   template <class Part, class Data>
-  [[gnu::noinline]] Scalar along_coaxial(const Node& node, const Part& part, Index child, const Pair& S, bool velocity,
-                                         Data& ws)
+  [[gnu::noinline]] Scalar along_own(const Node& node, const Part& part, const Pair& S, bool velocity, const Data& ws)
   {
     const FrameState<Scalar>& f = ws.frame(node.frame);
     const Pair U{combined(f.R, part.own->linear), combined(f.R, part.own->angular)};
-    return load_[at(ws.tree().node(child).v)] +
-           along_column(ws.tree().frame_mass(node.frame), f, S, U, accelerations_[at(node.frame)], velocity);
+    return along_column(ws.tree().frame_mass(node.frame), f, S, U, accelerations_[at(node.frame)], velocity);
   }
 
   /// δx of a subsystem, and δV̇ of its frames.

@@ -24,7 +24,7 @@
 // U as A S, loses what the two have in common: masses × 10 per link a hundred times more.)
 //
 // Where all that hangs on the joint does so by one that turns about the same axis, nothing of it is felt: that joint's
-// A' and p' have A' S = 0 and Sᵀp' = τ, its load, but for roundings of what passes. D, U and Sᵀp are then the own
+// A' and p' have A' S = 0 and Sᵀp' = ±τ, its load, but for roundings of what passes. D, U and Sᵀp are then the own
 // body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and
 // 8 ε instead of 1100, 200 and 59, over 16 times the data's sensitivity in 2, 8 and 0.5 % of states instead of 84, 49
 // and 40; under loads 2 % instead of 38.)
@@ -152,10 +152,10 @@ template <class Scalar, class Data>
                                                    const Pivot<Scalar>& own, const Scalar& D, const Scalar& scale,
                                                    const Scalar& h, bool velocity, bool springs, Data& ws)
 {
-  const Index child = ws.bodies_beyond().coaxial(node.index);
-  if (child >= 0 && !springs && !ws.second_look().is_touched(node.frame)) {
+  const auto& coaxial = ws.bodies_beyond().coaxial(node.index);
+  if (coaxial.child >= 0 && !springs && !ws.second_look().is_touched(node.frame)) {
     if (!ScalarTraits<Scalar>::is_positive(own.D - squared_roundings<Scalar>() * scale)) { return {own.U, Scalar(0)}; }
-    Scalar exact = ws.load()(ws.tree().node(child).v) - ws.load()(node.v);
+    Scalar exact = coaxial.load(ws.load(), ws.tree()) - ws.load()(node.v);
     if (velocity) {
       const FrameState<Scalar>& f = ws.frame(node.frame);
       exact += along_column(ws.tree().frame_mass(node.frame), f, S, own.U, TriplePair<Scalar>(f.bias.data()), true);
