@@ -106,11 +106,11 @@ TEST_CASE("a light body between two rolls")
   }
   CAPTURE(of_rest, of_Bhat, of_torques, of_force, of_several);
   CHECK(of_Bhat < 16);
-  CHECK(of_torques < 32);
-  CHECK(of_force < 32);
+  CHECK(of_torques < 128);  // 22 to 60, by compiler
+  CHECK(of_force < 128);    // 10 to 49
   // q̈₀ is small against what weight does to the light bodies alone.
-  CHECK(of_rest < 256);     // 40 to 110, by compiler; where the wrench that passes is felt 2·10⁶
-  CHECK(of_several < 512);  // 100 to 140; so 1·10⁶
+  CHECK(of_rest < 256);     // 40 to 110; where the wrench that passes is felt 2·10⁶
+  CHECK(of_several < 512);  // 80 to 160; so 1·10⁶
 }
 
 }  // namespace test_coaxial
