@@ -103,7 +103,14 @@ public:
       return opposite ? Scalar(-of_child) : of_child;
     }
   };
-  const Coaxial& coaxial(Index i) const { return coaxial_[static_cast<std::size_t>(i)]; }
+  /// Of a subsystem of which, at the state, nothing else is felt through that child; else null. `springs`: of an
+  /// implicit step.
+  template <class Data>
+  const Coaxial* coaxial(const Node& node, bool springs, Data& ws) const
+  {
+    const Coaxial& next = coaxial_[static_cast<std::size_t>(node.index)];
+    return next.child >= 0 && !springs && !ws.second_look().is_touched(node.frame) ? &next : nullptr;
+  }
   const Part& part(Index i) const { return parts_[static_cast<std::size_t>(i)]; }
   /// f(rotor, its ratios) of each rotor of subsystem i.
   template <class F>

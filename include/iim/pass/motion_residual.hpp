@@ -204,12 +204,10 @@ private:
       const Pair& move = moves_[at(node.frame + k)];
       wrench_to_inlet += move;
       all += move;
-      const auto& coaxial = ws.bodies_beyond().coaxial(node.index);
-      const bool is_coaxial = coaxial.child >= 0 && !springs && !ws.second_look().is_touched(node.frame);
+      const auto* const coaxial = ws.bodies_beyond().coaxial(node, springs, ws);
       for (int d = 0; d < n; ++d) {
         const Pair S = part.column(k, d);
-        h[d] -=
-            is_coaxial ? coaxial.load(load_.data(), ws.tree()) + along_own(node, part, S, velocity, ws) : dot(S, all);
+        h[d] -= coaxial ? coaxial->load(load_.data(), ws.tree()) + along_own(node, part, S, velocity, ws) : dot(S, all);
         if constexpr (judged) {
           terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
         }

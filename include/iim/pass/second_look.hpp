@@ -94,6 +94,7 @@ public:
     }
   }
 
+  /// Whether anything is applied to a frame in this pass.
   bool is_touched(Index frame) const { return is_touched_[at(frame)]; }
 
   /// After the inward loop. A subsystem whose M̄_R is not right; −1 if all are.

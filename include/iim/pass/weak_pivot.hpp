@@ -152,10 +152,9 @@ template <class Scalar, class Data>
                                                    const Pivot<Scalar>& own, const Scalar& D, const Scalar& scale,
                                                    const Scalar& h, bool velocity, bool springs, Data& ws)
 {
-  const auto& coaxial = ws.bodies_beyond().coaxial(node.index);
-  if (coaxial.child >= 0 && !springs && !ws.second_look().is_touched(node.frame)) {
+  if (const auto* const coaxial = ws.bodies_beyond().coaxial(node, springs, ws)) {
     if (!ScalarTraits<Scalar>::is_positive(own.D - squared_roundings<Scalar>() * scale)) { return {own.U, Scalar(0)}; }
-    Scalar exact = coaxial.load(ws.load(), ws.tree()) - ws.load()(node.v);
+    Scalar exact = coaxial->load(ws.load(), ws.tree()) - ws.load()(node.v);
     if (velocity) {
       const FrameState<Scalar>& f = ws.frame(node.frame);
       exact += along_column(ws.tree().frame_mass(node.frame), f, S, own.U, TriplePair<Scalar>(f.bias.data()), true);
