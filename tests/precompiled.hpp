@@ -1,5 +1,5 @@
 // What nearly every test includes, compiled once for all of them (option IIM_TEST_PRECOMPILE). Each test still includes
-// what it uses: with a compiler cache there is no such file.
+// what it uses: it can be left out.
 #pragma once
 
 #include "catch.hpp"
