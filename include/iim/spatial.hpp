@@ -258,10 +258,15 @@ struct Symmetric3 {
     }
   }
 
+  /// This × (x, y, z).
+  [[gnu::always_inline]] detail::Triple<Scalar> times(const Scalar& x, const Scalar& y, const Scalar& z) const
+  {
+    const Scalar* const a = at.data();
+    return {a[0] * x + a[1] * y + a[2] * z, a[1] * x + a[3] * y + a[4] * z, a[2] * x + a[4] * y + a[5] * z};
+  }
   [[gnu::always_inline]] detail::Triple<Scalar> operator*(const detail::Triple<Scalar>& a) const
   {
-    return {at[0] * a(0) + at[1] * a(1) + at[2] * a(2), at[1] * a(0) + at[3] * a(1) + at[4] * a(2),
-            at[2] * a(0) + at[4] * a(1) + at[5] * a(2)};
+    return times(a(0), a(1), a(2));
   }
   [[gnu::always_inline]] Vector3<Scalar> operator*(const Vector3<Scalar>& a) const
   {
@@ -297,8 +302,9 @@ struct SpatialInertia {
   {
     M.at.fill(Scalar(0));
     J.at.fill(Scalar(0));
+    Scalar* const h = H.data();
 #pragma GCC unroll 8
-    for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) = Scalar(0); }
+    for (int k = 0; k < 9; ++k) { h[k] = Scalar(0); }
   }
 
   /// One rigid body: mass m, first moment mc = m·(centre − point), rotational inertia Θ about the point.
@@ -318,8 +324,10 @@ struct SpatialInertia {
       M.at[k] += other.M.at[k];
       J.at[k] += other.J.at[k];
     }
+    Scalar* const h = H.data();
+    const Scalar* const b = other.H.data();
 #pragma GCC unroll 8
-    for (int k = 0; k < 9; ++k) { H(k % 3, k / 3) += other.H(k % 3, k / 3); }
+    for (int k = 0; k < 9; ++k) { h[k] += b[k]; }
     return *this;
   }
 
@@ -361,18 +369,18 @@ struct SpatialInertia {
   template <class Factors>
   [[gnu::always_inline]] detail::TriplePair<Scalar> of_linear(const Factors& a) const
   {
-    return {{M(0, 0) * a(0) + M(0, 1) * a(1) + M(0, 2) * a(2), M(1, 0) * a(0) + M(1, 1) * a(1) + M(1, 2) * a(2),
-             M(2, 0) * a(0) + M(2, 1) * a(1) + M(2, 2) * a(2)},
-            {H(0, 0) * a(0) + H(1, 0) * a(1) + H(2, 0) * a(2), H(0, 1) * a(0) + H(1, 1) * a(1) + H(2, 1) * a(2),
-             H(0, 2) * a(0) + H(1, 2) * a(1) + H(2, 2) * a(2)}};
+    const Scalar* const h = H.data();
+    const Scalar x = a(0), y = a(1), z = a(2);
+    return {M.times(x, y, z),
+            {h[0] * x + h[1] * y + h[2] * z, h[3] * x + h[4] * y + h[5] * z, h[6] * x + h[7] * y + h[8] * z}};
   }
   template <class Factors>
   [[gnu::always_inline]] detail::TriplePair<Scalar> of_angular(const Factors& a) const
   {
-    return {{H(0, 0) * a(0) + H(0, 1) * a(1) + H(0, 2) * a(2), H(1, 0) * a(0) + H(1, 1) * a(1) + H(1, 2) * a(2),
-             H(2, 0) * a(0) + H(2, 1) * a(1) + H(2, 2) * a(2)},
-            {J(0, 0) * a(0) + J(0, 1) * a(1) + J(0, 2) * a(2), J(1, 0) * a(0) + J(1, 1) * a(1) + J(1, 2) * a(2),
-             J(2, 0) * a(0) + J(2, 1) * a(1) + J(2, 2) * a(2)}};
+    const Scalar* const h = H.data();
+    const Scalar x = a(0), y = a(1), z = a(2);
+    return {{h[0] * x + h[3] * y + h[6] * z, h[1] * x + h[4] * y + h[7] * z, h[2] * x + h[5] * y + h[8] * z},
+            J.times(x, y, z)};
   }
 
   Matrix6<Scalar> dense() const { return detail::in_blocks(M.dense(), H, J.dense()); }

@@ -51,20 +51,33 @@ template <class Vector>
 #endif
 }
 
+template <class Scalar, int n>
+class Row;
+
+/// What a Row consists of: a register, or two rows of half its length.
+template <class Scalar, int n, bool fits>
+struct ContentOf : PartOf<Scalar, n> {};
+template <class Scalar, int n>
+struct ContentOf<Scalar, n, false> {
+  struct Type {
+    Row<Scalar, n / 2> lower, upper;
+  };
+};
+
 /// n numbers, a power of two; operations number by number. What Eigen::Array is, too, but its layers are compiled for
 /// each expression (a thousand functions of a controller, some 5 % of its compile time), and of registers compilers do
-/// not inline them (2× for B̂ of several states).
+/// not inline them (2× for B̂ of several states). Halves instead of a loop over registers: little optimised (-Og), g++
+/// writes such a loop out eight times in each place (five times the code of a sweep).
 template <class Scalar, int n>
 class Row {
   static_assert(n > 0 && (n & (n - 1)) == 0, "a row is of 1, 2, 4, 8 … numbers");
-  static constexpr int side = std::min(register_lanes<Scalar>, n);
-  static constexpr int parts = n / side;
-  using Part = typename PartOf<Scalar, side>::Type;
+  static constexpr bool fits = n <= register_lanes<Scalar>;
+  using Content = typename ContentOf<Scalar, n, fits>::Type;
 
 public:
   static constexpr int size = n;
 
-  static Row Zero()
+  [[gnu::always_inline]] static Row Zero()
   {
     Row row;
     row.setZero();
@@ -72,37 +85,49 @@ public:
   }
   [[gnu::always_inline]] void setZero()
   {
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) {
-      if constexpr (side > 1) {
-        part_[k] = Part{};
-      } else {
-        part_[k] = Scalar(0);
-      }
+    if constexpr (fits) {
+      content_ = Content{};
+    } else {
+      content_.lower.setZero();
+      content_.upper.setZero();
     }
   }
   [[gnu::always_inline]] static Row load(const Scalar* from)
   {
     Row row;
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) { get(from + k * side, row.part_[k]); }
+    if constexpr (!fits) {
+      row.content_.lower = Row<Scalar, n / 2>::load(from);
+      row.content_.upper = Row<Scalar, n / 2>::load(from + n / 2);
+    } else if constexpr (n > 1) {
+      std::memcpy(&row.content_, from, sizeof(Content));
+    } else {
+      row.content_ = *from;
+    }
     return row;
   }
   [[gnu::always_inline]] void store(Scalar* to) const
   {
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) { put(part_[k], to + k * side); }
+    if constexpr (!fits) {
+      content_.lower.store(to);
+      content_.upper.store(to + n / 2);
+    } else if constexpr (n > 1) {
+      std::memcpy(to, &content_, sizeof(Content));
+    } else {
+      *to = content_;
+    }
   }
   /// Tuned for some processors, g++ reads what several operations use again for each of them.
   [[gnu::always_inline]] void hold()
   {
-    if constexpr (side > 1) {
-#pragma GCC unroll 8
-      for (std::size_t k = 0; k < parts; ++k) { hold_register(part_[k]); }
+    if constexpr (!fits) {
+      content_.lower.hold();
+      content_.upper.hold();
+    } else if constexpr (n > 1) {
+      hold_register(content_);
     }
   }
-  Scalar* data() { return reinterpret_cast<Scalar*>(part_.data()); }
-  const Scalar* data() const { return reinterpret_cast<const Scalar*>(part_.data()); }
+  Scalar* data() { return reinterpret_cast<Scalar*>(&content_); }
+  const Scalar* data() const { return reinterpret_cast<const Scalar*>(&content_); }
   Scalar& operator()(Eigen::Index k) { return data()[k]; }
   const Scalar& operator()(Eigen::Index k) const { return data()[k]; }
 
@@ -116,24 +141,36 @@ public:
   {
     IIM_CONTRACT
     Row row;
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) { row.part_[k] = a.part_[k] + b.part_[k]; }
+    if constexpr (fits) {
+      row.content_ = a.content_ + b.content_;
+    } else {
+      row.content_.lower = a.content_.lower + b.content_.lower;
+      row.content_.upper = a.content_.upper + b.content_.upper;
+    }
     return row;
   }
   [[gnu::always_inline]] friend inline Row operator-(const Row& a, const Row& b)
   {
     IIM_CONTRACT
     Row row;
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) { row.part_[k] = a.part_[k] - b.part_[k]; }
+    if constexpr (fits) {
+      row.content_ = a.content_ - b.content_;
+    } else {
+      row.content_.lower = a.content_.lower - b.content_.lower;
+      row.content_.upper = a.content_.upper - b.content_.upper;
+    }
     return row;
   }
   [[gnu::always_inline]] friend inline Row operator*(const Row& a, const Scalar& b)
   {
     IIM_CONTRACT
     Row row;
-#pragma GCC unroll 8
-    for (std::size_t k = 0; k < parts; ++k) { row.part_[k] = a.part_[k] * b; }
+    if constexpr (fits) {
+      row.content_ = a.content_ * b;
+    } else {
+      row.content_.lower = a.content_.lower * b;
+      row.content_.upper = a.content_.upper * b;
+    }
     return row;
   }
 #undef IIM_CONTRACT
@@ -143,24 +180,7 @@ public:
   [[gnu::always_inline]] Row& operator-=(const Row& b) { return *this = *this - b; }
 
 private:
-  [[gnu::always_inline]] static void get(const Scalar* from, Part& part)
-  {
-    if constexpr (side > 1) {
-      std::memcpy(&part, from, sizeof(Part));
-    } else {
-      part = *from;
-    }
-  }
-  [[gnu::always_inline]] static void put(const Part& part, Scalar* to)
-  {
-    if constexpr (side > 1) {
-      std::memcpy(to, &part, sizeof(Part));
-    } else {
-      *to = part;
-    }
-  }
-
-  std::array<Part, static_cast<std::size_t>(parts)> part_;
+  Content content_;
 };
 
 }  // namespace iim::detail
