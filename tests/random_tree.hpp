@@ -268,7 +268,7 @@ RandomState random_state(const Tree& tree, Index columns, Random& random, double
   RandomState state{Eigen::VectorXd(tree.n_q()), Eigen::VectorXd(tree.n_v()), Eigen::VectorXd(columns)};
   tree.outward([&]<class N, class S>(const N& node, const S&) {
     for (Index k = 0; k < S::n_q; ++k) { state.q(node.q + k) = random.uniform(-1.5, 1.5); }
-    if constexpr (detail::is_free<S>()) { state.q.template segment<4>(node.q + 3) = random.quaternion(); }
+    if constexpr (iim::detail::is_free<S>()) { state.q.template segment<4>(node.q + 3) = random.quaternion(); }
   });
   for (double& x : state.qd) { x = speed * random.uniform(-1, 1); }
   for (double& x : state.u) { x = random.uniform(-1, 1); }

@@ -1,3 +1,4 @@
+// PROGRAM: tests_extreme
 // RUNS: optimised
 // A cycle at a good state raises no floating-point exception, so that a controller may have them trapped, and computes
 // with no subnormal number where the robot has none: three numbers are loaded as four, and what lies behind them must

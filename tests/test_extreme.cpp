@@ -1,3 +1,4 @@
+// PROGRAM: tests_extreme
 // RUNS: optimised
 // Bounds on the error of B̂ and q̈₀ over 100 random states of every plain and extreme scene: the scenes, the measure and
 // the sensitivity are those of the accuracy report. In ε of the Scalar.

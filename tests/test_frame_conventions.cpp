@@ -1,3 +1,4 @@
+// PROGRAM: tests_several
 // The frames that the accuracy report compares with: the same q̈₀ and B̂ as the library's in each of them.
 #include "../bench/accuracy/frame_conventions.hpp"
 

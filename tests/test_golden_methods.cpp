@@ -1,5 +1,5 @@
 // REQUIRES: json
-// PROGRAM: tests_golden
+// PROGRAM: tests_methods
 // Every other method against values that share no formula with it, on all models and states.
 #include "golden.hpp"
 

@@ -1,5 +1,5 @@
 // REQUIRES: json
-// PROGRAM: tests_golden
+// PROGRAM: tests_methods
 // Implicit inversion on the other forms of M̄*'s update against values that share no formula with it.
 #include "golden.hpp"
 

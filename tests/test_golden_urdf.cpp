@@ -1,5 +1,5 @@
 // REQUIRES: urdf json
-// PROGRAM: tests_golden
+// PROGRAM: tests_methods
 // The robots of IIM_SHARED_DIR/robots: every file loads, and those with golden values agree with them.
 #include "golden.hpp"
 

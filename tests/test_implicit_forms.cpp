@@ -1,3 +1,4 @@
+// PROGRAM: tests_no_heap
 // Implicit inversion as a product and by sweeps: the same B̂, the cheaper one chosen, and memory O(n) where that is
 // enough.
 #include "catch.hpp"

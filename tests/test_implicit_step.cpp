@@ -1,3 +1,4 @@
+// PROGRAM: tests_implicit
 // The linearly implicit step: against M + h C + h² K put together densely, with every update and method.
 #include "catch.hpp"
 
@@ -152,13 +153,13 @@ void check_update(double bound)
 
 // The dense solution loses cond(1 + M⁻¹(…)) of its own, and the matrix forms what rotors a million times lighter than
 // their springs' h²K cost.
-constexpr double eps = std::numeric_limits<double>::epsilon();
+constexpr double roundoff = std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
-TEST_CASE("implicit step, projected update") { check_update<Update::projected>(1e6 * eps); }
-TEST_CASE("implicit step, update as printed") { check_update<Update::printed>(1e6 * eps); }
-TEST_CASE("implicit step, square-root form") { check_update<Update::square_root>(1e6 * eps); }
+TEST_CASE("implicit step, projected update") { check_update<Update::projected>(1e6 * roundoff); }
+TEST_CASE("implicit step, update as printed") { check_update<Update::printed>(1e6 * roundoff); }
+TEST_CASE("implicit step, square-root form") { check_update<Update::square_root>(1e6 * roundoff); }
 
 TEST_CASE("a step of length 0 is forward dynamics")
 {
@@ -188,9 +189,9 @@ TEST_CASE("the matrices of a subsystem have what the step adds")
     const Index v = tree.node(i).v, n_i = before.F.cols();
     Eigen::MatrixXd added = Eigen::MatrixXd::Zero(6 + n_i, 6 + n_i);
     added.bottomRightCorner(n_i, n_i) = (h * s.C + h * h * s.K).block(v, v, n_i, n_i);
-    CHECK((after.Mbar - before.Mbar - added).norm() <= 16 * eps * after.Mbar.norm());
+    CHECK((after.Mbar - before.Mbar - added).norm() <= 16 * roundoff * after.Mbar.norm());
     const Eigen::VectorXd stretched = h * s.K.block(v, v, n_i, n_i) * state.qd.segment(v, n_i);
-    CHECK((after.hbar.tail(n_i) - before.hbar.tail(n_i) - stretched).norm() <= 16 * eps * (1 + after.hbar.norm()));
+    CHECK((after.hbar.tail(n_i) - before.hbar.tail(n_i) - stretched).norm() <= 16 * roundoff * (1 + after.hbar.norm()));
   }
 }
 

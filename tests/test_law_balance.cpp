@@ -1,3 +1,4 @@
+// PROGRAM: tests_matrices
 // Laws that share no formula with the recursions: energy, momentum, finite differences, permutation, rigid motion.
 // REQUIRES: boost
 //

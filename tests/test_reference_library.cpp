@@ -1,3 +1,4 @@
+// PROGRAM: tests_methods
 // The library in double against the paper's equations in 50 digits, on random trees of all types of subsystem.
 // REQUIRES: boost
 #include "catch.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_task
 // float, double and long double: the same numbers, each to its own precision.
 #include "catch.hpp"
 #include "scalar_check.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_extreme
 // RUNS: optimised
 // Stiff machines over seconds: the linearly implicit step where an explicit one blows up.
 #include "catch.hpp"

@@ -1,3 +1,4 @@
+// PROGRAM: tests_implicit
 // Implicit steps in square-root form: however stiff a spring, q̈₀ and B̂ keep their digits.
 #include "catch.hpp"
 #include "random_tree.hpp"

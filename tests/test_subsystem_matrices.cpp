@@ -1,3 +1,4 @@
+// PROGRAM: tests_matrices
 // T_ip, F_i, M̄_i, h̄_i, B̄_i: put together by (9) and (11)–(13) they are the paper's M, h and B, from the literal
 // reference. REQUIRES: boost
 #include "catch.hpp"
@@ -57,7 +58,7 @@ Equations assembled(const Receipt& fd, const std::vector<test::NamedInput>& moto
 
 TEST_CASE("the matrices of the subsystems make the paper's M, h and B")
 {
-  constexpr double eps = std::numeric_limits<double>::epsilon();
+  constexpr double epsilon = std::numeric_limits<double>::epsilon();
   test::RandomOptions options;
   options.floating_inside = 0.1;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
@@ -76,9 +77,9 @@ TEST_CASE("the matrices of the subsystems make the paper's M, h and B")
     const Equations e = assembled(fd, motors);
     const Literal<Digits50> robot(test::in<Digits50>(random.assembly), motors, state.q, state.qd);
     INFO("seed " << seed);
-    CHECK(apart(e.M, robot.M()) < 100 * eps);
-    CHECK(apart(e.h, robot.h()) < 1000 * eps);
-    if (!motors.empty()) { CHECK(apart(e.B, robot.B()) < 100 * eps); }
+    CHECK(apart(e.M, robot.M()) < 100 * epsilon);
+    CHECK(apart(e.h, robot.h()) < 1000 * epsilon);
+    if (!motors.empty()) { CHECK(apart(e.B, robot.B()) < 100 * epsilon); }
   }
 }
 

@@ -1,4 +1,4 @@
-// PROGRAM: tests_links
+// PROGRAM: tests_types
 // Flexible link as a beam: Euler and Bernoulli's frequencies and deflections, a rotating blade, a chain of fifty links.
 #include "catch.hpp"
 #include "type_robots.hpp"

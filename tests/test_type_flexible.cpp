@@ -1,4 +1,4 @@
-// PROGRAM: tests_links
+// PROGRAM: tests_types
 // Flexible link: the laws, and the rigid link that it is when held straight.
 #include "catch.hpp"
 #include "type_robots.hpp"

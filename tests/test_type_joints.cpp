@@ -1,4 +1,4 @@
-// PROGRAM: tests_links
+// PROGRAM: tests_types
 // Joints against compositions of revolute and prismatic joints with parts without mass between them.
 #include "catch.hpp"
 #include "type_robots.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_laws
+// PROGRAM: tests_types
 // The law suite finds what is wrong with a type: one defect each, in the seventh digit.
 #include "catch.hpp"
 #include "type_robots.hpp"

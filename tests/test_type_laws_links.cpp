@@ -1,4 +1,4 @@
-// PROGRAM: tests_laws
+// PROGRAM: tests_types
 // The law suite on links with one joint: revolute, prismatic, fixed.
 #include "catch.hpp"
 #include "type_laws.hpp"

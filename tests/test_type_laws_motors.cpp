@@ -1,4 +1,4 @@
-// PROGRAM: tests_laws
+// PROGRAM: tests_types
 // The law suite on motor-arms, whose rotors spin beside the link, and on a floating base in the middle of a tree.
 #include "catch.hpp"
 #include "type_laws.hpp"

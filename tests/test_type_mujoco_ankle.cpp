@@ -1,5 +1,5 @@
 // REQUIRES: mujoco
-// PROGRAM: tests_mujoco
+// PROGRAM: tests_loops
 // Parallel ankle and MuJoCo: rods and rotors as bodies of their own, held by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"

@@ -1,5 +1,5 @@
 // REQUIRES: mujoco
-// PROGRAM: tests_mujoco
+// PROGRAM: tests_loops
 // Joints and MuJoCo: its hinge, slide, ball and free joints, one after the other on one body where ours are one.
 #include "catch.hpp"
 #include "type_mujoco.hpp"

@@ -1,5 +1,5 @@
 // REQUIRES: mujoco
-// PROGRAM: tests_mujoco
+// PROGRAM: tests_loops
 // Plane loops and MuJoCo: four-bar and slider-crank as cut trees, closed by its equality constraints.
 #include "catch.hpp"
 #include "type_mujoco.hpp"

@@ -9,7 +9,7 @@ using namespace iim::test;
 
 namespace {
 
-constexpr std::uint64_t seed = 98;
+constexpr std::uint64_t rotor_seed = 98;
 using RotorParts = Assembly<FloatingBase<double>, RevoluteLink<double>, PrismaticLink<double>, MotorArm<double>,
                             LinearMotorArm<double>>;
 
@@ -84,8 +84,8 @@ constexpr double tolerance = 1e4 * eps;
 
 TEST_CASE("A motor-arm's rotor, gyroscopic moments included, is a body that the gear ties to the joint")
 {
-  INFO("seed " << seed);
-  Random random(seed);
+  INFO("seed " << rotor_seed);
+  Random random(rotor_seed);
   double worst = 0;
   for (int k = 0; k < 100; ++k) { worst = std::max(worst, difference<MotorArm<double>, RevoluteLink<double>>(random)); }
   INFO("largest difference " << worst);
@@ -94,8 +94,8 @@ TEST_CASE("A motor-arm's rotor, gyroscopic moments included, is a body that the 
 
 TEST_CASE("A linear motor-arm's rotor is a body that the screw ties to the slide")
 {
-  INFO("seed " << seed + 1);
-  Random random(seed + 1);
+  INFO("seed " << rotor_seed + 1);
+  Random random(rotor_seed + 1);
   double worst = 0;
   for (int k = 0; k < 100; ++k) {
     keep_worst(worst, difference<LinearMotorArm<double>, PrismaticLink<double>>(random));

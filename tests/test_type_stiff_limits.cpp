@@ -1,3 +1,4 @@
+// PROGRAM: tests_drives
 // Elastic subsystems made stiffer and stiffer move as the rigid ones do: the difference falls with 1/stiffness.
 #include "catch.hpp"
 #include "type_robots.hpp"
