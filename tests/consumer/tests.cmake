@@ -2,11 +2,15 @@
 set(consumer "${CMAKE_CURRENT_SOURCE_DIR}/consumer")
 set(folder "${CMAKE_CURRENT_BINARY_DIR}/consumer")
 set(prefix "${folder}/prefix")
+set(launcher "${CMAKE_CXX_COMPILER_LAUNCHER}")
+if(launcher MATCHES "pch_defines")  # a list; here there are no precompiled headers
+  set(launcher "${IIM_CCACHE}")
+endif()
 set(options
   "-DCMAKE_CXX_COMPILER=${CMAKE_CXX_COMPILER}"
   "-DCMAKE_CXX_FLAGS=${CMAKE_CXX_FLAGS}"
   "-DCMAKE_CXX_FLAGS_DEBUG=${CMAKE_CXX_FLAGS_DEBUG}"
-  "-DCMAKE_CXX_COMPILER_LAUNCHER=${CMAKE_CXX_COMPILER_LAUNCHER}"
+  "-DCMAKE_CXX_COMPILER_LAUNCHER=${launcher}"
   "-DCMAKE_BUILD_TYPE=$<CONFIG>"
   # What is registered on this machine is not what is tested here.
   -DCMAKE_FIND_USE_PACKAGE_REGISTRY=OFF)
