@@ -2,10 +2,7 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
-#include <cstddef>
 #include <cstring>
-#include <type_traits>
 
 #include <Eigen/Core>
 
