@@ -104,7 +104,7 @@ inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, kee
 template <class S, class Workspace>
 inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
 
-/// Whether in matrix form a subsystem of this shape may be the child of a FreeAxis.
+/// Whether in matrix form a subsystem of this shape may begin a FreeLimb.
 template <class S, class Workspace>
 inline constexpr bool follows_free_axis =
     Workspace::update != Update::square_root && S::n_i == 1 && S::n_frames == 1 && !is_free<S>();

@@ -55,7 +55,7 @@ protected:
 
   using Lanes = detail::Lanes<Scalar>;
 
-  static constexpr int rate = 6;  ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeAxis
+  static constexpr int rate = 6;  ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeLimb
 
   Scalar* H(Index frame) { return H_.data() + H_of_frame_[at(frame)]; }
 
@@ -67,14 +67,14 @@ protected:
   {
     const Step& step = steps_[at(node.index)];
     const Scalar* inlet = H_.data() + step.inlet;
-    const FreeAxis<Scalar>* axis = nullptr;
+    const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) {
-      if (step.needed == node.path_v) { axis = ws.axis_of(node.index); }
-      if (axis != nullptr) [[unlikely]] { inlet = apart_from(*axis, node); }
+      if (step.needed == node.path_v) { limb = ws.free_limb(node.index); }
+      if (limb != nullptr) [[unlikely]] { inlet = apart_from(ws.free_axis_of(*limb), node); }
     }
     propagate<S>(ws, node, state, step, inlet);
     if constexpr (follows_free_axis<S, Workspace>) {
-      if (axis != nullptr) [[unlikely]] { follow(*axis, node, state.S_k[0], step); }
+      if (limb != nullptr) [[unlikely]] { follow(*limb, ws.free_axis_of(*limb).last, node, state.S_k[0], step); }
     }
     for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
   }
@@ -229,13 +229,14 @@ protected:
     return apart_.data();
   }
 
-  /// What the rate that was left out makes of L and H of the axis' child: W S = 1, but for what rotors within hold.
-  [[gnu::noinline]] void follow(const FreeAxis<Scalar>& axis, const Node& node, const Vector6<Scalar>& S,
-                                const Step& step)
+  /// What the rate that was left out makes of L and H of a limb along the axis: W S = 1, but for what rotors within
+  /// hold.
+  [[gnu::noinline]] void follow(const FreeLimb<Scalar>& limb, const Scalar& last_rate, const Node& node,
+                                const Vector6<Scalar>& S, const Step& step)
   {
     const Index last = node.path_v - 1;
-    const Scalar slip = axis.last * axis.slip;
-    rows_(step.L + last) -= axis.last * axis.undone;
+    const Scalar on_axis = along(limb.sense, last_rate), slip = on_axis * limb.slip;
+    rows_(step.L + last) -= on_axis * limb.undone;
     Scalar* const column = component(H_.data() + step.frame, last);
     for (int c = 0; c < 6 && step.hands_on; ++c) { column[c * lanes] += S(c) * slip; }
   }

@@ -7,7 +7,7 @@
 //     outward   y = X(r) V̇_inlet,   q̈_i = M̄_R⁻¹ τ − W y,   V̇_k = y + S_k q̈_i                       (27), (19)
 //
 // In square-root form Sᵀ p and S q̈ of a frame with one S are kept apart, so that a child on nearly the same axis sees
-// the difference only (SharedAxis); in matrix form between a free base and its axis' child (FreeAxis). Inward only
+// the difference only (SharedAxis); in matrix form between a free base and limbs along its axis (FreeLimb). Inward only
 // subsystems between an input and the world have a wrench; outward only trees that an input acts on move.
 #pragma once
 
@@ -20,6 +20,7 @@
 
 #include <array>
 #include <optional>
+#include <span>
 
 namespace iim::detail {
 
@@ -59,8 +60,8 @@ protected:
     if (reach_[at(node.index)] != acted) { return; }
     constexpr bool apart = one_column<S, Workspace>;
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
-    const FreeAxis<Scalar>* axis = nullptr;
-    if constexpr (follows_free_axis<S, Workspace>) { axis = ws.axis_of(node.index); }
+    const FreeLimb<Scalar>* limb = nullptr;
+    if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
     [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
     std::array<Six, S::n_frames> p_k;
     unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });
@@ -72,7 +73,7 @@ protected:
     } else if constexpr (n_i > 0) {
       if constexpr (is_free<S>()) {
         if (const FreeAxis<Scalar>* const base = ws.free_axis(node.frame); base->child >= 0) {
-          move_along_axis(*base, node, state, p, loaded);
+          move_along_axis(*base, ws.limbs(*base), node, state, p, loaded);
           return;
         }
       }
@@ -92,8 +93,8 @@ protected:
           });
         }
       });
-      if (axis != nullptr) [[unlikely]] {  // a column has a share or what comes from beyond, not both
-        along_[at(node.frame)] = (tau[0] + share) * axis->slip + share * axis->undone;
+      if (limb != nullptr) [[unlikely]] {  // a column has a share or what comes from beyond, not both
+        along_[at(node.frame)] = (tau[0] + share) * limb->slip + share * limb->undone;
       }
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         Lane row = tau[0] * state.MbarR_inv.coeff(d, 0);
@@ -124,7 +125,7 @@ protected:
       }
     }
     move_wrench(state.r, p);
-    if (axis != nullptr) [[unlikely]] {
+    if (limb != nullptr) [[unlikely]] {
       copy(p, applied(node.frame));
       return;
     }
@@ -153,15 +154,15 @@ protected:
     constexpr bool apart = one_column<S, Workspace>;
     [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
     [[maybe_unused]] Lane slip = zero();
-    const FreeAxis<Scalar>* axis = nullptr;
-    if constexpr (follows_free_axis<S, Workspace>) { axis = ws.axis_of(node.index); }
+    const FreeLimb<Scalar>* limb = nullptr;
+    if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
     Six y;
     if (guided) {
-      if (axis != nullptr) [[unlikely]] {
+      if (limb != nullptr) [[unlikely]] {
         if (reach_[at(node.parent)] == acted) {
           copy(applied(node.frame), y);
-          slip = along_[at(node.frame)] * axis->slip;
-          undone = along_[at(node.frame)] * axis->undone;
+          slip = along_[at(node.frame)] * limb->slip;
+          undone = along_[at(node.frame)] * limb->undone;
         } else {
           clear(y);
         }
@@ -188,7 +189,7 @@ protected:
       if (guided) {
         unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
         rows_[at(node.v + d)] = row;
-        if (apart || axis != nullptr) {
+        if (apart || limb != nullptr) {
           rows_[at(node.v)] -= undone;
           row += slip;
         }
@@ -226,18 +227,20 @@ protected:
   }
 
   /// A free frame in matrix form, under the wrench p and forces on its velocities (`others`: if there are any) and what
-  /// has come from the axis' child (`applied` and along_ of its frame): leaves q̈ in rows_, and for the child how the
-  /// frame moves, apart from S (free_inward.hpp).
+  /// has come from the limbs along its axis (`applied` and along_ of their frames): leaves q̈ in rows_, and for those
+  /// limbs how the frame moves, apart from S (free_inward.hpp).
   template <class S>
-  void move_along_axis(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state, const Six& p,
-                       bool others)
+  void move_along_axis(const FreeAxis<Scalar>& axis, std::span<const FreeLimb<Scalar>> limbs, const Node& node,
+                       const NodeMemory<S>& state, const Six& p, bool others)
   {
-    const Index child = this->tree_->node(axis.child).frame;
-    Six& limb = applied(child);
-    Lane& along = along_[at(child)];
-    if (reach_[at(axis.child)] != acted) {
-      clear(limb);
-      along = zero();
+    Six all;
+    clear(all);
+    Lane on_axis = zero();
+    for (const FreeLimb<Scalar>& limb : limbs) {
+      if (reach_[at(limb.child)] != acted) { continue; }
+      const Index frame = this->tree_->node(limb.child).frame;
+      add(applied(frame), all);
+      on_axis += along(limb.sense, along_[at(frame)]);
     }
     Six tau;
     for (int d = 0; d < 6 && others; ++d) {
@@ -250,9 +253,9 @@ protected:
     Lane e = zero();
     for (int k = 0; k < 6; ++k) {
       const int end = k < 3 ? 3 : 6;  // the first three do not turn the frame
-      e = k < 5 ? zero() : Lane(along * axis.last);
+      e = k < 5 ? zero() : Lane(on_axis * axis.last);
       for (int c = 0; c < end; ++c) {
-        e += limb[at(c)] * axis.E(c, k);
+        e += all[at(c)] * axis.E(c, k);
         if (others) { e += tau[at(c)] * state.MbarR_inv_root(c, k); }
       }
       for (int c = 0; c < end; ++c) {
@@ -260,8 +263,11 @@ protected:
         rows_[at(node.v + c)] += e * state.MbarR_inv_root(c, k);
       }
     }
-    limb = motion;
-    along = e * axis.last;
+    for (const FreeLimb<Scalar>& limb : limbs) {
+      const Index frame = this->tree_->node(limb.child).frame;
+      copy(motion, applied(frame));
+      along_[at(frame)] = along(limb.sense, Lane(e * axis.last));
+    }
   }
 
   /// A free frame under the wrench p and along_: leaves its motion in `applied` and along_, and q̈ in rows_

@@ -249,12 +249,12 @@ protected:
   FrameBuffers buffers_;
   Array<Six> moving_;
   // To a frame by inputs; of a free one in square-root form its motion, till the outward loop. In matrix form of a
-  // FreeAxis' child what it hands to the free frame, then how that moves apart from S. Of other frames there is none.
+  // FreeLimb what it hands to the free frame, then how that moves apart from S. Of other frames there is none.
   Array<Six> applied_;
   Array<int> place_;  // of a frame
   int applied_count_ = 0;
   Array<char> loads_;  // of a frame, of type Load
-  Array<Lane> along_;  // in square-root form, and of a FreeAxis' child: inward Sᵀ p, outward q̈ along S
+  Array<Lane> along_;  // in square-root form, and of a FreeLimb: inward Sᵀ p, outward q̈ along S
   Array<Lane> rows_;   // inward B̄_i e and M̄_R⁻¹ τ, outward q̈
   Array<Reach> reach_;
   Array<Own> own_;

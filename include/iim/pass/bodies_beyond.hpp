@@ -12,6 +12,7 @@
 
 #include <iim/body.hpp>
 #include <iim/numerics/array.hpp>
+#include <iim/pass/joint_lines.hpp>
 #include <iim/pass/motion_products.hpp>
 #include <iim/pass/several_motions.hpp>
 #include <iim/pass/single_motion.hpp>
@@ -89,18 +90,17 @@ public:
     const Scalar* inertia;
     const Scalar* ratio;
   };
-  /// The child of subsystem i that turns about the same axis, if i's frame carries nothing else but bodies, and nothing
-  /// turns within either.
+  /// The child of subsystem i that has the same line (joint_lines.hpp), if i's frame carries nothing else but bodies,
+  /// and nothing turns within either.
   struct Coaxial {
     Index child = -1;  ///< −1: none
-    bool opposite = false;
+    Sense sense = Sense::none;
 
-    /// What the child's load, of all of them, is about i's axis.
+    /// What the child's load, of all of them, is along i's column.
     template <class Loads>
     Scalar load(const Loads& loads, const TreeData<Scalar>& tree) const
     {
-      const Scalar& of_child = loads[tree.node(child).v];
-      return opposite ? Scalar(-of_child) : of_child;
+      return along(sense, Scalar(loads[tree.node(child).v]));
     }
   };
   /// Of a subsystem of which, at the state, nothing else is felt through that child; else null. `springs`: of an
@@ -132,8 +132,6 @@ public:
   void clear()
   {
     parts_.clear();
-    axes_.clear();
-    coaxial_.clear();
     rotors_.clear();
     ratios_.clear();
     springs_.clear();
@@ -154,11 +152,6 @@ public:
     parts_.push_back({&R, &state.r, state.S_k[0].data(), state.W.data(), state.MbarR_inv_root.data(), state.qd.data(),
                       own, S::n_i, S::n_frames, is_free<S>(), rotor_count<S>() + spring_count<S>() > 0, rotors_.size(),
                       springs_.size()});
-    Vector3<Scalar> axis(Scalar(0), Scalar(0), Scalar(0));
-    if constexpr (has_own_twist<S>() && S::pattern.angular && !S::pattern.linear && rotor_count<S>() == 0) {
-      axis = angular(s.own_twist());
-    }
-    axes_.push_back(axis);
     most_velocities_ = std::max<std::size_t>(most_velocities_, S::n_i);
     has_several_ |= S::n_i > 0 && !(S::n_frames == 1 && has_unit_column<S>());
   }
@@ -174,8 +167,21 @@ public:
     }
     depths = std::min<Index>(depths, most_one_by_one + still + 4);
     one_.allocate(tree);
-    find_coaxial(tree);
     if (several && has_several_) { several_.allocate(depths + 1, most_frames, static_cast<Index>(most_velocities_)); }
+  }
+
+  /// Once, after allocate.
+  [[gnu::cold]] void find_coaxial(const TreeData<Scalar>& tree, const JointLines<Scalar>& lines)
+  {
+    coaxial_.resize(parts_.size());
+    const auto has_rotors = [&](Index i) { return part(i).rotors_end > (i > 0 ? part(i - 1).rotors_end : 0); };
+    for (const Node& node : tree.nodes()) {
+      const Index child = node.index + 1;
+      if (child >= node.subtree_end || tree.node(child).subtree_end < node.subtree_end) { continue; }
+      if (has_rotors(node.index) || has_rotors(child) || tree.inlet_mass(child).present) { continue; }
+      const Sense sense = lines.against_inlet(child, tree);
+      if (sense != Sense::none) { coaxial_[static_cast<std::size_t>(node.index)] = {child, sense}; }
+    }
   }
 
   /// G += what hangs on subsystem `node`, whose first frame has the accelerations a, as far as is_enough(frame, its
@@ -187,6 +193,15 @@ public:
                                       const Data& ws, Sum& G, Motions<Lane>* wrench)
   {
     several_.add_beyond(*this, node, a, or_deep<Lane, Sum>(is_enough), springs, ws, G, wrench);
+  }
+
+  /// The same of a free subsystem, a = apart + S·rates along its axis.
+  template <class Lane, class Data, class Sum, class IsEnough>
+  [[gnu::noinline]] void add_beyond_free(const IsEnough& is_enough, const Node& node, const Motions<Lane>& a,
+                                         const Motions<Lane>& apart, const Lane& rates, bool springs, const Data& ws,
+                                         Sum& G)
+  {
+    several_.add_beyond_free(*this, node, a, apart, rates, or_deep<Lane, Sum>(is_enough), springs, ws, G);
   }
 
   /// The same of subsystem `node` itself and what hangs on it, its inlet at rest, q̈ the columns of C. wrench: on the
@@ -254,30 +269,7 @@ private:
     };
   }
 
-  [[gnu::cold]] void find_coaxial(const TreeData<Scalar>& tree)
-  {
-    coaxial_.resize(axes_.size());
-    const Scalar rounding = Scalar(16) * Eigen::NumTraits<Scalar>::epsilon();
-    for (const Node& node : tree.nodes()) {
-      const Index child = node.index + 1;
-      if (child >= node.subtree_end || tree.node(child).subtree_end < node.subtree_end) { continue; }
-      const auto& own = axes_[static_cast<std::size_t>(node.index)];
-      const auto& next = axes_[static_cast<std::size_t>(child)];
-      const auto is_along = [&](const Vector3<Scalar>& a) {  // own, of length 1 or 0
-        return !ScalarTraits<Scalar>::is_positive(cross(own, a).squaredNorm() - rounding * rounding * a.squaredNorm());
-      };
-      const Placement<Scalar>& at = tree.placement(child);
-      const bool turn =
-          ScalarTraits<Scalar>::is_positive(own.squaredNorm()) && ScalarTraits<Scalar>::is_positive(next.squaredNorm());
-      const Vector3<Scalar> there = times(at.R, next);
-      if (turn && !tree.inlet_mass(child).present && is_along(at.p) && is_along(there)) {
-        coaxial_[static_cast<std::size_t>(node.index)] = {child, ScalarTraits<Scalar>::is_positive(-own.dot(there))};
-      }
-    }
-  }
-
   Array<Part> parts_;
-  Array<Vector3<Scalar>> axes_;  // that subsystems turn about, in their frames' axes; 0: none
   Array<Coaxial> coaxial_;
   Array<RotorPart> rotors_;
   Array<Scalar> ratios_;

@@ -105,8 +105,8 @@ protected:
   [[gnu::always_inline]] void accelerate(const Node& node, const NodeMemory<S>& state)
   {
     if constexpr (follows_free_axis<S, Data>) {
-      if (const FreeAxis<Scalar>* const axis = ws_.axis_of(node.index)) [[unlikely]] {
-        accelerate_apart<S>(*axis, node, state);
+      if (const FreeLimb<Scalar>* const limb = ws_.free_limb(node.index)) [[unlikely]] {
+        accelerate_apart<S>(*limb, node, state);
         return;
       }
     }
@@ -178,16 +178,18 @@ protected:
   Diagnosis diagnosis_;
 
 private:
-  /// The child of a free base's axis. What the base moves by along S the joint undoes, but for what rotors within hold.
-  /// (Within `accelerate` it costs the pass of all other robots 1 to 2 %.)
+  /// A limb's first joint along a free base's axis. What the base moves by along S it undoes, but for what rotors
+  /// within hold. (Within `accelerate` it costs the pass of all other robots 1 to 2 %.)
   template <class S>
-  [[gnu::noinline]] void accelerate_apart(const FreeAxis<Scalar>& axis, const Node& node, const NodeMemory<S>& state)
+  [[gnu::noinline]] void accelerate_apart(const FreeLimb<Scalar>& limb, const Node& node, const NodeMemory<S>& state)
   {
     FrameState<Scalar>& f = ws_.frame(node.frame);
+    const FreeAxis<Scalar>& axis = ws_.free_axis_of(limb);
+    const Scalar rate = along(limb.sense, axis.rate);
     TriplePair<Scalar> y = shifted(state.r, axis.rest);
     if constexpr (scene.velocity) { y.linear += triple(state.c); }
-    const Scalar rest = Scalar(0) - state.psi(0) - dot(gain(state, 0), y), qdd = rest + axis.slip * axis.rate;
-    ws_.qdd()(node.v) = rest - axis.undone * axis.rate;
+    const Scalar rest = Scalar(0) - state.psi(0) - dot(gain(state, 0), y), qdd = rest + limb.slip * rate;
+    ws_.qdd()(node.v) = rest - limb.undone * rate;
     if constexpr (has_bias<scene, S>(0)) { y.linear += Triple<Scalar>(f.bias.data()); }
     if constexpr (has_bias<scene, S>(3)) { y.angular += Triple<Scalar>(f.bias.data() + 3); }
     y += TriplePair<Scalar>(state.S_k[0].data()) * qdd;

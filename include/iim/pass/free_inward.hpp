@@ -44,7 +44,7 @@ template <class Scalar>
   return x * x;
 }
 
-/// To what the child of the axis hands on, A, h and size of what else the frame f carries.
+/// To what limbs along the axis hand on, A, h and size of what else the frame f carries.
 template <class Scalar>
 [[gnu::always_inline]] inline void complete_axis(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& h,
                                                  FreeAxis<Scalar>& axis)
@@ -68,10 +68,31 @@ template <class Scalar>
   if (f.loses) [[unlikely]] { axis.loss = dot(TriplePair<Scalar>(axis.S.data()), f.inertia().loss); }
 }
 
-/// The axis of the limb's first joint s, at its step inward. h_q: its bias force without the load.
+/// What the limbs along the axis hand on along S.
+template <class Scalar, class Workspace>
+[[gnu::noinline]] void take_limbs(const Workspace& ws, FreeAxis<Scalar>& axis)
+{
+  const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+  TriplePair<Scalar> held(zero, zero);
+  axis.force = axis.within = Scalar(0);
+  for (const FreeLimb<Scalar>& limb : ws.limbs(axis)) {
+    const TriplePair<Scalar> of_limb(limb.held.data());
+    if (limb.sense == Sense::opposite) {
+      held -= of_limb;
+    } else {
+      held += of_limb;
+    }
+    axis.force += along(limb.sense, limb.force);
+    axis.within += limb.within;
+    if (limb.child == axis.child) { axis.S = limb.S; }
+  }
+  held.put(axis.held.data());
+}
+
+/// Of a limb along the axis, which begins with s, at the step inward of s. h_q: its bias force without the load.
 template <Scene scene, class S, class Workspace>
-[[gnu::noinline]] void set_axis(const Node& node, const S& s, const NodeState<S>& state, const SpunRotors<S>& spun,
-                                const typename S::Scalar& h_q, Workspace& ws, FreeAxis<typename S::Scalar>& axis)
+[[gnu::noinline]] void set_limb(const Node& node, const S& s, const NodeState<S>& state, const SpunRotors<S>& spun,
+                                const typename S::Scalar& h_q, Workspace& ws, FreeLimb<typename S::Scalar>& limb)
 {
   using Scalar = typename S::Scalar;
   static_assert(S::n_i == 1 && S::n_frames == 1);
@@ -83,7 +104,7 @@ template <Scene scene, class S, class Workspace>
   add_inlet_bodies<scene>(node, state, ws, A_body, h_body);
   const TriplePair<Scalar> own(state.S_k[0].data()), W(state.W.data());
   TriplePair<Scalar> held = times(A_body, own);
-  axis.force = dot(own, h_body);
+  limb.force = dot(own, h_body);
   Scalar left(0);  // M̄_R (1 − W S)
   // A rotor adds J gᵀg, g = (0, aᵀ, e); z = (0; a) − Wᵀ e is what of it follows the guidance, and Σ J (zᵀS) z of all,
   // with zᵀS written as what it is for W S = 1, is A' S.
@@ -99,27 +120,31 @@ template <Scene scene, class S, class Workspace>
     for (std::size_t k = 0; k < spun.size(); ++k) {
       const Scalar slip = hold(spun[k].J, spun[k].a, spun[k].e(0));
       if constexpr (scene.velocity) {
-        axis.force += slip * spun[k].bias;
-        if (rotors[k].frame < 0) { axis.force += dot(own.angular, spun[k].moment); }
+        limb.force += slip * spun[k].bias;
+        if (rotors[k].frame < 0) { limb.force += dot(own.angular, spun[k].moment); }
       }
     }
   }
   if constexpr (scene.implicit) {
     for (const auto& spring : state.springs) { hold(spring.inertia, zero, spring.ratio(0)); }
   }
-  axis.slip = left * state.MbarR_inv(0, 0);
+  limb.slip = left * state.MbarR_inv(0, 0);
   // (Stiff springs and geared rotors hold nearly all: of 1 − slip nothing would be left. Ratio 10³ on a rotor of 10⁻²
   // kg m²: one motor's column 2.5e3 ε; implicit steps of 0.1 s, springs up to 10⁹ N m/rad: B̂ 1.5e4, q̈₀ 4.6e5 ε.)
-  axis.undone = if_greater(axis.slip, Scalar(0.5), dot(W, own), Scalar(Scalar(1) - axis.slip));
-  axis.force += axis.slip * h_q + axis.undone * load;
-  if constexpr (scene.velocity) { axis.force += dot(held.linear, triple(state.c)); }
-  axis.within = dot(own, held);
+  limb.undone = if_greater(limb.slip, Scalar(0.5), dot(W, own), Scalar(Scalar(1) - limb.slip));
+  limb.force += limb.slip * h_q + limb.undone * load;
+  if constexpr (scene.velocity) { limb.force += dot(held.linear, triple(state.c)); }
+  limb.within = dot(own, held);
   held.angular += cross(triple(state.r), held.linear);
-  held.put(axis.held.data());
+  held.put(limb.held.data());
   TriplePair<Scalar> S_free = own;
   S_free.linear = own.linear - cross(own.angular, triple(state.r));
-  S_free.put(axis.S.data());
-  if (axis.receiver < 0) { complete_axis(ws.frame(node.inlet), axis); }
+  S_free.put(limb.S.data());
+  FreeAxis<Scalar>& axis = ws.free_axis_of(limb);
+  if (axis.receiver < 0) {
+    take_limbs(ws, axis);
+    complete_axis(ws.frame(node.inlet), axis);
+  }
 }
 
 /// Two directions across the unit vector a: columns of the reflection that takes it to ∓e₃.
@@ -135,17 +160,17 @@ template <class Scalar>
 
 /// C_T, whose pivots are small. Whether no pivot is below pivot_tolerance, as `positive` has been.
 template <class Scalar, class Data>
-[[gnu::noinline]] bool mend_free(const Node& node, const std::array<Triple<Scalar>, 2>& b,
-                                 const TriplePair<Scalar>& S_1, const TriplePair<Scalar>& size,
+[[gnu::noinline]] bool mend_free(const Node& node, const FreeAxis<Scalar>& axis, const std::array<Triple<Scalar>, 2>& b,
                                  const Matrix6<Scalar>& A_T, const Vector6<Scalar>& scale, bool springs, bool positive,
                                  Data& ws, Matrix6<Scalar>& C_T)
 {
+  const TriplePair<Scalar> S_1(axis.S.data());
   Matrix6<Scalar> T = Matrix6<Scalar>::Identity();
   b[0].put(&T(3, 3));
   b[1].put(&T(3, 4));
   S_1.put(&T(0, 5));
   Vector6<Scalar> inertia = scale;
-  inertia(5) = dot(TriplePair<Scalar>(S_1.linear * S_1.linear, S_1.angular * S_1.angular), size);
+  inertia(5) = dot(TriplePair<Scalar>(S_1.linear * S_1.linear, S_1.angular * S_1.angular), axis.size) + axis.within;
   if (!positive) { root_of_inverse<Scalar, 6, true>(A_T, scale, C_T); }
   if (!mend_root(node, ws.tree().frame_mass(node.frame), T, scale, inertia, springs, ws, C_T)) { return positive; }
   positive = true;
@@ -170,15 +195,16 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     axis.force = axis.within = Scalar(0);
     complete_axis(f, axis);
   } else if (axis.receiver >= 0) {
+    take_limbs(ws, axis);
     complete_axis(f, axis);
-    const FrameState<Scalar>& limb = ws.frame(axis.receiver);
+    const FrameState<Scalar>& limbs = ws.frame(axis.receiver);
     arrive<scene.velocity>(node.frame, ws);
     FrameInertia<Scalar>& all = f.inertia();
-    const FrameInertia<Scalar>& more = limb.inertia();
+    const FrameInertia<Scalar>& more = limbs.inertia();
     all.A += more.A;
     add(all.h, more.h);
     all.size = {max(all.size.linear, more.size.linear), max(all.size.angular, more.size.angular)};
-    if (limb.loses) [[unlikely]] { add_loss(more.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
+    if (limbs.loses) [[unlikely]] { add_loss(more.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
   }
 
   Carried<Scalar> all;
@@ -236,7 +262,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
     } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse)) {
-      positive = mend_free(node, b, S_1, size, A_T, scale, scene.implicit, positive, ws, C_T);
+      positive = mend_free(node, axis, b, A_T, scale, scene.implicit, positive, ws, C_T);
     }
   }
   if (!positive) { note_small_pivot(node, ws, diagnosis); }

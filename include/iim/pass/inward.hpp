@@ -295,8 +295,8 @@ template <Scene scene, class S, class Workspace>
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) { hg -= W[d] * hq(d); }
   if constexpr (turns_about_axis<S>()) {
-    FreeAxis<Scalar>* const axis = ws.axis_of(node.index);
-    if (axis != nullptr) [[unlikely]] { set_axis<scene>(node, s, state, spun, unloaded(0), ws, *axis); }
+    FreeLimb<Scalar>* const limb = ws.free_limb(node.index);
+    if (limb != nullptr) [[unlikely]] { set_limb<scene>(node, s, state, spun, unloaded(0), ws, *limb); }
   }
   FrameState<Scalar>& inlet = ws.frame(receiver);
   hand_on<scene>(A, hg, state.c, state.r, inlet);
@@ -357,10 +357,12 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
     Index receiver = node.inlet;
     if (node.inlet >= 0) {
       if constexpr (turns_about_axis<S>()) {
-        const auto* const axis = ws.axis_of(node.index);
-        if (axis != nullptr && axis->receiver >= 0) [[unlikely]] {
-          receiver = axis->receiver;
-          ws.frame(receiver).arrived = false;
+        if (const auto* const limb = ws.free_limb(node.index)) [[unlikely]] {
+          const auto& axis = ws.free_axis_of(*limb);
+          if (axis.receiver >= 0) {
+            receiver = axis.receiver;
+            if (limb == &ws.limbs(axis).back()) { ws.frame(receiver).arrived = false; }
+          }
         }
       }
     }
@@ -387,9 +389,9 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
         step.turn_to_world(axis.E.data(), 12);
       }
       if (receiver != node.inlet) {
-        FreeAxis<typename S::Scalar>& axis = *ws.free_axis(node.inlet);
-        step.turn_to_inlet(axis.S.data(), 2);
-        step.turn_to_inlet(axis.held.data(), 2);
+        FreeLimb<typename S::Scalar>& limb = *ws.free_limb(node.index);
+        step.turn_to_inlet(limb.S.data(), 2);
+        step.turn_to_inlet(limb.held.data(), 2);
       }
     }
   }

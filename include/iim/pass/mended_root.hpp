@@ -375,19 +375,27 @@ template <class Scalar, class Data>
   using std::sqrt;
   const auto abs = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x); };
   const FrameState<Scalar>& f = ws.frame(node.frame);
-  Matrix6<Scalar> C = Matrix6<Scalar>::Zero();  // T C_T
+  Matrix6<Scalar> apart = Matrix6<Scalar>::Zero();  // T C_T, but for the column along the axis
   for (int k = 0; k < 6; ++k) {
-    for (int j = 0; j <= k; ++j) {
-      for (int i = 0; i < 6; ++i) { C(i, k) += T(i, j) * C_T(j, k); }
+    for (int j = 0; j <= std::min(k, 4); ++j) {
+      for (int i = 0; i < 6; ++i) { apart(i, k) += T(i, j) * C_T(j, k); }
     }
   }
+  Matrix6<Scalar> C = apart;
+  for (int i = 0; i < 6; ++i) { C(i, 5) += T(i, 5) * C_T(5, 5); }
+  Lane rates;
+  clear<Scalar>(rates);
+  rates[5] = C_T(5, 5);
   std::array<Lane, 6> G;
   for (Lane& column : G) { clear<Scalar>(column); }
   Motions<Lane> wrench;
   add_body(body, f.R, f.r, abreast<Lane, Scalar, 6>(C), G, wrench);
-  if (const auto* axes = ws.axes().of(node.frame)) { turn_triples(*axes, true, C.data(), 12); }  // the world's beyond
-  ws.bodies_beyond().add_up_until(is_enough_for_each<Scalar>(ws), node, abreast<Lane, Scalar, 6>(C), springs, ws, G,
-                                  static_cast<Motions<Lane>*>(nullptr));
+  if (const auto* axes = ws.axes().of(node.frame)) {  // the world's beyond
+    turn_triples(*axes, true, C.data(), 12);
+    turn_triples(*axes, true, apart.data(), 12);
+  }
+  ws.bodies_beyond().add_beyond_free(is_enough_for_each<Scalar>(ws), node, abreast<Lane, Scalar, 6>(C),
+                                     abreast<Lane, Scalar, 6>(apart), rates, springs, ws, G);
   Vector6<Scalar> of_motions;
   for (int k = 0; k < 6; ++k) {
     of_motions(k) = Scalar(0);

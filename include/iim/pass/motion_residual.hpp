@@ -67,6 +67,7 @@ public:
     for (auto* const of_frames : {&accelerations_, &forces_, &moves_}) {
       of_frames->resize(at(subsystem_frames), none());
     }
+    along_.resize(at(subsystem_frames), Scalar(0));
     sizes_.resize(at(subsystem_frames));
     for (Array<Scalar>* const of_velocities : {&load_, &x_, &change_, &unseen_}) {
       of_velocities->resize(at(velocities), Scalar(0));
@@ -106,6 +107,9 @@ public:
       forces_[at(frame)] -= Pair(wrench.data());
       if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
     });
+    for (const FreeAxis<Scalar>& axis : ws.free_axes()) {
+      if (axis.child >= 0) { along(axis) = dot(axis_of(axis, ws), forces_[at(axis.frame)]); }
+    }
     for (Index i = ws.tree().size(); i-- > 0;) { balance<judged>(ws.tree().node(i), velocity, gravity, springs, ws); }
     for (const Node& node : ws.tree().nodes()) { follow<judged>(node, ws); }
   }
@@ -190,6 +194,9 @@ private:
           node.index, [&](const Scalar& inertia, const Scalar* ratio) { resist(inertia * rate_of(ratio, x), ratio); });
     }
     to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R, zero, omega, y);
+    const FreeLimb<Scalar>* const limb = ws.free_limb(node.index);
+    Scalar of_limb(0);  // along the axis, what is on the inlet
+    if (limb != nullptr) { of_limb = h[0] + dot(part.column(0, 0), to_inlet); }
     Sizes sizes;
     Scalar* const terms = terms_.data();  // by size: what h is of so far, and what frames add
     if constexpr (judged) {
@@ -213,10 +220,12 @@ private:
         }
       }
     }
+    if (limb != nullptr) { of_limb = detail::along(limb->sense, Scalar(of_limb - limb->slip * h[0])); }
     // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
     const bool hangs_free = judged && (part.is_free || is_on_free(node, ws));
     Scalar* const scaled = scaled_.data();
     for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
+    if (part.is_free && !ws.free_axes().empty()) { balance_along_axis(node, ws, scaled); }
     for (int d = 0; d < n; ++d) {
       const Pair W = part.gain(d);
       if constexpr (judged) {
@@ -233,8 +242,11 @@ private:
       for (int e = 0; e < n; ++e) { h[d] += part.C[e * n + d] * scaled[e]; }
     }
     if (node.inlet < 0 || part.is_free) { return; }
-    forces_[at(node.inlet)] += moved(part.place(), to_inlet);
-    moves_[at(node.inlet)] += moved(part.place(), wrench_to_inlet);
+    to_inlet = moved(part.place(), to_inlet);
+    wrench_to_inlet = moved(part.place(), wrench_to_inlet);
+    forces_[at(node.inlet)] += to_inlet;
+    moves_[at(node.inlet)] += wrench_to_inlet;
+    if (!ws.free_axes().empty()) { add_along_axis(node, of_limb, to_inlet, wrench_to_inlet, ws); }
     if constexpr (judged) {
       sizes.moment += largest_of(part.place()) * sizes.force;
       sizes_[at(node.inlet)] += sizes;
@@ -249,6 +261,45 @@ private:
     const FrameState<Scalar>& f = ws.frame(node.frame);
     const Pair U{combined(f.R, part.own->linear), combined(f.R, part.own->angular)};
     return along_column(ws.tree().frame_mass(node.frame), f, S, U, accelerations_[at(node.frame)], velocity);
+  }
+
+  /// S of a free frame's axis about its coupling point, in world axes.
+  template <class Data>
+  static Pair axis_of(const FreeAxis<Scalar>& axis, Data& ws)
+  {
+    const auto& part = ws.bodies_beyond().part(axis.child);
+    const Pair S = part.column(0, 0);
+    return {S.linear - cross(S.angular, part.place()), S.angular};
+  }
+  Scalar& along(const FreeAxis<Scalar>& axis) { return along_[at(axis.frame)]; }
+
+  /// What a subsystem leaves on a free frame, along its axis S: `forces` and `moves`, or of_limb of a limb along that.
+  template <class Data>
+  [[gnu::noinline]] void add_along_axis(const Node& node, const Scalar& of_limb, const Pair& forces, const Pair& moves,
+                                        Data& ws)
+  {
+    const FreeAxis<Scalar>* const axis = ws.free_axis(node.inlet);
+    if (axis == nullptr || axis->child < 0) { return; }
+    if (ws.free_limb(node.index) != nullptr) {
+      along(*axis) += of_limb;
+    } else {
+      const Pair S = axis_of(*axis, ws);
+      along(*axis) += dot(S, forces) + dot(S, moves);
+    }
+  }
+  /// What is along S of a free frame moves it by one column of C, S·last, and is known better than by what is left of
+  /// all forces.
+  template <class Data>
+  [[gnu::noinline]] void balance_along_axis(const Node& node, Data& ws, Scalar* scaled)
+  {
+    const FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
+    if (axis.child < 0) { return; }
+    const auto& part = ws.bodies_beyond().part(node.index);
+    Pair all = forces_[at(node.frame)];
+    all += moves_[at(node.frame)];
+    Scalar e = Scalar(0) - along(axis) * axis.last - dot(Pair(axis.E.data() + 30), all);
+    for (int d = 0; d < 6; ++d) { e += part.C[30 + d] * load_[at(node.v + d)]; }
+    scaled[5] = e;
   }
 
   /// δx of a subsystem, and δV̇ of its frames.
@@ -311,6 +362,7 @@ private:
 
   Array<Scalar> load_, x_, change_, unseen_;    // of velocities
   Array<Pair> accelerations_, forces_, moves_;  // of frames
+  Array<Scalar> along_;                         // of free ones: Sᵀ of what is on them
   Array<Sizes> sizes_;
   Array<Scalar> scaled_, terms_;  // of one subsystem
 };

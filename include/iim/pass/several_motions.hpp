@@ -50,6 +50,19 @@ public:
     if (has_wrench_) { copy(w_of(0, 0), *wrench); }
   }
 
+  /// The same of a free subsystem, a = apart + S·rates along its axis: limbs along that do not feel the latter, but for
+  /// what rotors and springs within hold.
+  template <class Bodies, class Data, class Sum, class IsEnough>
+  [[gnu::always_inline]] void add_beyond_free(const Bodies& bodies, const Node& node, const Motions<Lane>& a,
+                                              const Motions<Lane>& apart, const Lane& rates, const IsEnough& is_enough,
+                                              bool springs, const Data& ws, Sum& G)
+  {
+    apart_ = &apart;
+    rates_ = &rates;
+    add_beyond(bodies, node, a, is_enough, springs, ws, G, nullptr);
+    apart_ = nullptr;
+  }
+
   /// The same of subsystem `node` itself and what hangs on it, its inlet at rest, q̈ the columns of C. wrench: on the
   /// inlet.
   template <class Bodies, class Data, int n, class Sum, class IsEnough>
@@ -103,13 +116,27 @@ private:
   {
     const auto& part = bodies.part(node.index);
     const int n = part.n_i;
+    const FreeLimb<Scalar>* const limb = depth == 1 && apart_ != nullptr ? ws.free_limb(node.index) : nullptr;
     Motions<Lane> y;
-    copy(a_of(depth - 1, node.inlet - ws.tree().node(node.parent).frame), y);
+    copy(limb != nullptr ? *apart_ : a_of(depth - 1, node.inlet - ws.tree().node(node.parent).frame), y);
     move_twist(*part.r, y);
     for (int d = 0; d < n; ++d) {
       const Scalar* const W = part.W + d;
       qdd_[at(d)] =
           -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
+    }
+    if (limb != nullptr) [[unlikely]] {
+      Lane rates = *rates_;
+      if (limb->sense == Sense::opposite) { rates *= Scalar(-1); }
+      qdd_[0] += rates * limb->slip;
+      const bool whole = move_frames(node, depth, y, bodies, is_enough, ws, G);
+      if (bodies.has_more(node.index, ws)) {
+        qdd_[0] -= rates;
+#pragma GCC unroll 8
+        for (std::size_t i = 0; i < 6; ++i) { y[i] += rates * part.S[i]; }
+        add_more(node, depth, y, bodies, springs, ws, G);
+      }
+      return whole;
     }
     return move_with(node, depth, y, bodies, is_enough, springs, ws, G);
   }
@@ -118,6 +145,15 @@ private:
   template <class Bodies, class Data, class Sum, class IsEnough>
   [[gnu::always_inline]] bool move_with(const Node& node, Index depth, const Motions<Lane>& y, const Bodies& bodies,
                                         const IsEnough& is_enough, bool springs, const Data& ws, Sum& G)
+  {
+    const bool whole = move_frames(node, depth, y, bodies, is_enough, ws, G);
+    if (bodies.has_more(node.index, ws)) { add_more(node, depth, y, bodies, springs, ws, G); }
+    return whole;
+  }
+  /// The same without what else there is but frames.
+  template <class Bodies, class Data, class Sum, class IsEnough>
+  [[gnu::always_inline]] bool move_frames(const Node& node, Index depth, const Motions<Lane>& y, const Bodies& bodies,
+                                          const IsEnough& is_enough, const Data& ws, Sum& G)
   {
     const auto& part = bodies.part(node.index);
     const int n = part.n_i;
@@ -142,7 +178,6 @@ private:
         add_body(ws.tree().frame_mass(frame), f.R, f.r, a_of(depth, k), G, w_of(depth, k));
       }
     }
-    if (bodies.has_more(node.index, ws)) { add_more(node, depth, y, bodies, springs, ws, G); }
     path_[at(depth)] = node.index;
     deepest_ = depth;
     return whole;
@@ -226,6 +261,8 @@ private:
   Array<Index> path_;
   Index frames_ = 1, velocities_ = 0, deepest_ = 0;
   bool has_wrench_ = false;
+  const Motions<Lane>* apart_ = nullptr;  // else while sums are a free subsystem's
+  const Lane* rates_ = nullptr;
 };
 
 }  // namespace iim::detail

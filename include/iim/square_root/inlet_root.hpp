@@ -32,11 +32,11 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   shared.share = shared.undone = shared.slip = Scalar(0);
   const TriplePair<Scalar> of_inlet(inlet.S.data());
   if constexpr (one_column<S, Workspace>) {
-    if (inlet.apart_along == node.index) {
+    if (shared.sense != Sense::none) {
       difference.put(shared.difference.data());
-      shared.share = Scalar(1);
-      shared.undone = undone;
-      shared.slip = slip;
+      shared.share = along(shared.sense, Scalar(1));
+      shared.undone = along(shared.sense, undone);
+      shared.slip = along(shared.sense, Scalar(slip));
       return;
     }
   }
