@@ -15,7 +15,8 @@
 // The frame's motion per e of C_T reaches the joint in two parts, E e and S·rate, rate = last·e₅: with W S = undone = 1
 // − slip (slip: what rotors and springs hold, else 0) the joint undoes S·rate, and its frame moves by E e and slip
 // alone. As much for columns of B̂ as for q̈₀, and the other way round for wrenches: Sᵀ p' = slip·Sᵀ p less undone·τ. (A
-// base 10⁻⁶ as heavy as its limb, an input beyond the limb's second joint: 340 ε; 5e7 with the sum of both.)
+// base 10⁻⁶ as heavy as its limb, an input beyond the limb's second joint: 340 ε; 5e7 with the sum of both.) So it does
+// for any other limb whose first joint turns about the same line, with S or −S: all of them are handed on apart.
 //
 // (Of 1000 random chains on a free base like their links, the error of B̂ is over 16 ε for 2 % with this, 10 % without;
 // of free bars in a plane, 31 of them, it is 11 ε and 1880, by the axes that the frame shares with its limb, too:

@@ -23,9 +23,9 @@
 // as ε A, however small the pivots, and each pivot looks through it to where it has digits. (D alone from the sum, with
 // U as A S, loses what the two have in common: masses × 10 per link a hundred times more.)
 //
-// Where all that hangs on the joint does so by one that turns about the same axis, nothing of it is felt: that joint's
-// A' and p' have A' S = 0 and Sᵀp' = ±τ, its load, but for roundings of what passes. D, U and Sᵀp are then the own
-// body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and
+// Where all that hangs on the joint does so by one about the same line, or along the same direction (joint_lines.hpp),
+// nothing of it is felt: that joint's A' and p' have A' S = 0 and Sᵀp' = ±τ, its load, but for roundings of what passes.
+// D, U and Sᵀp are then the own body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and
 // 8 ε instead of 1100, 200 and 59, over 16 times the data's sensitivity in 2, 8 and 0.5 % of states instead of 84, 49
 // and 40; under loads 2 % instead of 38.)
 //
