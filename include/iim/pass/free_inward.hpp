@@ -178,7 +178,7 @@ template <class Scalar, class Data>
   for (int k = 0; k < 6; ++k) {
     const Scalar loss = square(C_T(k, k)) * scale(k);
     positive &= ScalarTraits<Scalar>::is_positive(Scalar(1) - pivot_tolerance<Scalar>() * loss);
-    if (!ScalarTraits<Scalar>::is_positive(Scalar(64) - loss)) { ws.second_look().note_mended_pivot(); }
+    ws.second_look().note_mended_pivot(Scalar(1), loss);
   }
   return positive;
 }

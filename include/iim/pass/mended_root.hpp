@@ -278,16 +278,14 @@ template <class Scalar, int n, class Data>
 [[gnu::always_inline]] inline bool stand_out(const Eigen::Matrix<Scalar, n, n>& C,
                                              const Eigen::Matrix<Scalar, n, 1>& scale, Data& ws, bool& positive)
 {
-  bool weak = false;
   positive = true;
 #pragma GCC unroll 8
   for (int k = 0; k < n; ++k) {
     const Scalar pivot = Scalar(1) / (C(k, k) * C(k, k));
     if (!ScalarTraits<Scalar>::is_positive(pivot - squared_roundings<Scalar>() * scale(k))) { return false; }
     positive &= ScalarTraits<Scalar>::is_positive(pivot - pivot_tolerance<Scalar>() * scale(k));
-    weak |= !ScalarTraits<Scalar>::is_positive(Scalar(64) * pivot - scale(k));
+    ws.second_look().note_mended_pivot(pivot, scale(k));
   }
-  if (weak) { ws.second_look().note_mended_pivot(); }
   return true;
 }
 

@@ -110,8 +110,22 @@ public:
     for (const FreeAxis<Scalar>& axis : ws.free_axes()) {
       if (axis.child >= 0) { along(axis) = dot(axis_of(axis, ws), forces_[at(axis.frame)]); }
     }
-    for (Index i = ws.tree().size(); i-- > 0;) { balance<judged>(ws.tree().node(i), velocity, gravity, springs, ws); }
-    for (const Node& node : ws.tree().nodes()) { follow<judged>(node, ws); }
+    const auto is_single = [&](Index i) { return !judged && ws.bodies_beyond().part(i).is_single(); };
+    for (Index i = ws.tree().size(); i-- > 0;) {
+      const Node& node = ws.tree().node(i);
+      if (is_single(i)) [[likely]] {
+        balance<false, true>(node, velocity, gravity, springs, ws);
+      } else {
+        balance<judged, false>(node, velocity, gravity, springs, ws);
+      }
+    }
+    for (const Node& node : ws.tree().nodes()) {
+      if (is_single(node.index)) [[likely]] {
+        follow<false, true>(node, ws);
+      } else {
+        follow<judged, false>(node, ws);
+      }
+    }
   }
   /// x += δx.
   void add_change()
@@ -138,11 +152,12 @@ private:
 
   /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
   /// Bu − h − M q̈ of its velocities; and M⁻¹ of it on the way inward, `move` being the wrench that h makes there.
-  template <bool judged, class Data>
+  /// single: of one velocity and one frame, which compilers then know (a quarter less of all this).
+  template <bool judged, bool single, class Data>
   void balance(const Node& node, bool velocity, bool gravity, bool springs, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
-    const int n = part.n_i;
+    const int n = single ? 1 : part.n_i, n_frames = single ? 1 : part.n_frames;
     const Triple<Scalar> zero = none().linear;
     Pair y = none(), to_inlet = y, wrench_to_inlet = y;
     Triple<Scalar> omega = zero;  // of the inlet
@@ -203,7 +218,7 @@ private:
       sizes = Sizes(to_inlet);
       for (int d = 0; d < n; ++d) { terms[d] = magnitude(h[d]); }
     }
-    for (int k = 0; k < part.n_frames; ++k) {
+    for (int k = 0; k < n_frames; ++k) {
       const Sizes& of_frame = sizes_[at(node.frame + k)];
       if constexpr (judged) { sizes += of_frame; }
       Pair all = forces_[at(node.frame + k)];
@@ -303,10 +318,11 @@ private:
   }
 
   /// δx of a subsystem, and δV̇ of its frames.
-  template <bool judged, class Data>
+  template <bool judged, bool single, class Data>
   void follow(const Node& node, Data& ws)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
+    const int n = single ? 1 : part.n_i, n_frames = single ? 1 : part.n_frames;
     Pair y = none();
     Scalar size(0);
     if (node.inlet >= 0) {
@@ -317,18 +333,18 @@ private:
     const Scalar uncertain = Scalar(part.is_free ? 16 : 1) * size;
     if (part.is_free) { size = Scalar(0); }
     Scalar* const change = change_.data() + node.v;
-    for (int d = 0; d < part.n_i; ++d) {
+    for (int d = 0; d < n; ++d) {
       const Pair W = part.gain(d);
       change[d] -= dot(W, y);
       if constexpr (judged) { unseen_[at(node.v + d)] += largest_of(W) * uncertain; }
     }
-    for (int k = 0; k < part.n_frames; ++k) {
+    for (int k = 0; k < n_frames; ++k) {
       Pair move = y;
-      for (int d = 0; d < part.n_i; ++d) { move += part.column(k, d) * change[d]; }
+      for (int d = 0; d < n; ++d) { move += part.column(k, d) * change[d]; }
       moves_[at(node.frame + k)] = move;
       if constexpr (judged) {
         Scalar of_frame = larger(size, largest_of(accelerations_[at(node.frame + k)]));
-        for (int d = 0; d < part.n_i; ++d) {
+        for (int d = 0; d < n; ++d) {
           Scalar rate = magnitude(x_[at(node.v + d)]);
           if (part.is_free) { rate += unseen_[at(node.v + d)]; }
           of_frame = larger(of_frame, Scalar(largest_of(part.column(k, d)) * rate));

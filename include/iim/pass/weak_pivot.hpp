@@ -24,17 +24,17 @@
 // U as A S, loses what the two have in common: masses × 10 per link a hundred times more.)
 //
 // Where all that hangs on the joint does so by one about the same line, or along the same direction (joint_lines.hpp),
-// nothing of it is felt: that joint's A' and p' have A' S = 0 and Sᵀp' = ±τ, its load, but for roundings of what passes.
-// D, U and Sᵀp are then the own body's, and τ. (Random hands, humanoids and chains of rods, joints about coordinate axes: q̈₀ in the median 16, 48 and
-// 8 ε instead of 1100, 200 and 59, over 16 times the data's sensitivity in 2, 8 and 0.5 % of states instead of 84, 49
-// and 40; under loads 2 % instead of 38.)
+// nothing of it is felt: that joint's A' and p' have A' S = 0 and Sᵀp' = ±τ, its load, but for roundings of what
+// passes. D, U and Sᵀp are then the own body's, and τ. (Random hands, humanoids and chains of rods, joints about
+// coordinate axes: q̈₀ in the median 16, 48 and 8 ε instead of 1100, 200 and 59, over 16 times the data's sensitivity in
+// 2, 8 and 0.5 % of states instead of 84, 49 and 40; under loads 2 % instead of 38.)
 //
 // q̈ has the roundings of the forces by which heavy bodies are held, which h is a difference of; it is made right once
-// by what the equations of motion leave of it (second_look.hpp) where a pivot is below 1/64.
+// by what the equations of motion leave of it (second_look.hpp), by how heavy these are.
 //
 // Measured (double, median and worst of 100 states in ε; in brackets without all this): B̂ of seven links under 10³, 10⁶
-// and 10⁹ times their weight 5, 45 (340, 8000), 5, 144 (3·10⁵, 4·10⁶) and 7, 430 (2·10⁸, 3·10⁹), q̈₀ 1, 506 (300, 8000),
-// 1, 6 (2·10⁵, 3·10⁶) and 1, 7 (2·10⁸, 3·10⁹); masses × 10 per link, 12 links, B̂ 13, 1200 (8·10⁴, 10⁷), q̈₀ 2, 2·10⁴
+// and 10⁹ times their weight 5, 45 (340, 8000), 5, 144 (3·10⁵, 4·10⁶) and 7, 430 (2·10⁸, 3·10⁹), q̈₀ 3, 125 at most
+// (300, 8000; 2·10⁵, 3·10⁶; 2·10⁸, 3·10⁹); masses × 10 per link, 12 links, B̂ 13, 1200 (8·10⁴, 10⁷), q̈₀ 2, 2·10⁴
 // (7·10⁴, 2·10⁷); thin links on sliding and turning joints B̂ 6, 38 (9, 170). Chains of 6 to 30 boxes whose joints turn
 // about the boxes or across them 1.4, 12 (31, 2300), such rods 1.5, 38 (2200, 2·10⁵). A joint takes 30 to 120 ns more
 // where it is done, by how far the sums go, q̈ 40 ns a joint: arms under loads take up to 2.3 times as long, chains of
@@ -183,9 +183,7 @@ template <class Scalar, class Data>
   if (in_group != nullptr) [[unlikely]] { U = turned(*in_group, false, U); }
   U += own.U;
   // What the equations of motion leave has the roundings of what is held across a group's plane.
-  if (in_group == nullptr && !ScalarTraits<Scalar>::is_positive(Scalar(64) * sum.G - scale)) {
-    ws.second_look().note_mended_pivot();
-  }
+  if (in_group == nullptr) { ws.second_look().note_mended_pivot(sum.G, scale); }
   return {U, sum.G};
 }
 
