@@ -6,6 +6,7 @@
 #include <iim/numerics/change_count.hpp>
 #include <iim/numerics/turns.hpp>
 #include <iim/pass/bodies_beyond.hpp>
+#include <iim/pass/free_axis.hpp>
 #include <iim/pass/heavy_frames.hpp>
 #include <iim/pass/joint_lines.hpp>
 #include <iim/pass/parallel_axes.hpp>

@@ -235,7 +235,7 @@ protected:
                                 const Vector6<Scalar>& S, const Step& step)
   {
     const Index last = node.path_v - 1;
-    const Scalar on_axis = along(limb.sense, last_rate), slip = on_axis * limb.slip;
+    const Scalar on_axis = in_sense(limb.sense, last_rate), slip = on_axis * limb.slip;
     rows_(step.L + last) -= on_axis * limb.undone;
     Scalar* const column = component(H_.data() + step.frame, last);
     for (int c = 0; c < 6 && step.hands_on; ++c) { column[c * lanes] += S(c) * slip; }

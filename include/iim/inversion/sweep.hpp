@@ -240,7 +240,7 @@ protected:
       if (reach_[at(limb.child)] != acted) { continue; }
       const Index frame = this->tree_->node(limb.child).frame;
       add(applied(frame), all);
-      on_axis += along(limb.sense, along_[at(frame)]);
+      on_axis += in_sense(limb.sense, along_[at(frame)]);
     }
     Six tau;
     for (int d = 0; d < 6 && others; ++d) {
@@ -266,7 +266,7 @@ protected:
     for (const FreeLimb<Scalar>& limb : limbs) {
       const Index frame = this->tree_->node(limb.child).frame;
       copy(motion, applied(frame));
-      along_[at(frame)] = along(limb.sense, Lane(e * axis.last));
+      along_[at(frame)] = in_sense(limb.sense, Lane(e * axis.last));
     }
   }
 

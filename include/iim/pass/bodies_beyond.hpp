@@ -100,7 +100,7 @@ public:
     template <class Loads>
     Scalar load(const Loads& loads, const TreeData<Scalar>& tree) const
     {
-      return along(sense, Scalar(loads[tree.node(child).v]));
+      return in_sense(sense, Scalar(loads[tree.node(child).v]));
     }
   };
   /// Of a subsystem of which, at the state, nothing else is felt through that child; else null. `springs`: of an

@@ -185,7 +185,7 @@ private:
   {
     FrameState<Scalar>& f = ws_.frame(node.frame);
     const FreeAxis<Scalar>& axis = ws_.free_axis_of(limb);
-    const Scalar rate = along(limb.sense, axis.rate);
+    const Scalar rate = in_sense(limb.sense, axis.rate);
     TriplePair<Scalar> y = shifted(state.r, axis.rest);
     if constexpr (scene.velocity) { y.linear += triple(state.c); }
     const Scalar rest = Scalar(0) - state.psi(0) - dot(gain(state, 0), y), qdd = rest + limb.slip * rate;

@@ -26,6 +26,7 @@
 #include <iim/numerics/spd.hpp>
 #include <iim/pass/articulated_inertia.hpp>
 #include <iim/pass/carried.hpp>
+#include <iim/pass/free_axis.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/pass/mended_root.hpp>
@@ -83,7 +84,7 @@ template <class Scalar, class Workspace>
     } else {
       held += of_limb;
     }
-    axis.force += along(limb.sense, limb.force);
+    axis.force += in_sense(limb.sense, limb.force);
     axis.within += limb.within;
     if (limb.child == axis.child) { axis.S = limb.S; }
   }

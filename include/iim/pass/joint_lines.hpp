@@ -19,9 +19,9 @@ enum class Sense : signed char {
   none = 0,  ///< they have no line in common
   same = 1
 };
-/// x along one's column, along the other's.
+/// x along one joint's column, as it is along the other's.
 template <class Scalar>
-[[gnu::always_inline]] inline Scalar along(Sense sense, const Scalar& x)
+[[gnu::always_inline]] inline Scalar in_sense(Sense sense, const Scalar& x)
 {
   return sense == Sense::opposite ? Scalar(-x) : x;
 }

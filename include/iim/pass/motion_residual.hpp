@@ -10,6 +10,8 @@
 #include <iim/numerics/array.hpp>
 #include <iim/numerics/triple.hpp>
 #include <iim/pass/bodies_beyond.hpp>
+#include <iim/pass/free_axis.hpp>
+#include <iim/pass/joint_lines.hpp>
 #include <iim/pass/parallel_axes.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
@@ -235,12 +237,12 @@ private:
         }
       }
     }
-    if (limb != nullptr) { of_limb = detail::along(limb->sense, Scalar(of_limb - limb->slip * h[0])); }
+    if (limb != nullptr) { of_limb = in_sense(limb->sense, Scalar(of_limb - limb->slip * h[0])); }
     // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
     const bool hangs_free = judged && (part.is_free || is_on_free(node, ws));
     Scalar* const scaled = scaled_.data();
     for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
-    if (part.is_free && !ws.free_axes().empty()) { balance_along_axis(node, ws, scaled); }
+    if (part.is_free) { balance_along_axis(node, ws, scaled); }
     for (int d = 0; d < n; ++d) {
       const Pair W = part.gain(d);
       if constexpr (judged) {
@@ -261,7 +263,7 @@ private:
     wrench_to_inlet = moved(part.place(), wrench_to_inlet);
     forces_[at(node.inlet)] += to_inlet;
     moves_[at(node.inlet)] += wrench_to_inlet;
-    if (!ws.free_axes().empty()) { add_along_axis(node, of_limb, to_inlet, wrench_to_inlet, ws); }
+    if (ws.bodies_beyond().part(node.parent).is_free) { add_along_axis(node, of_limb, to_inlet, wrench_to_inlet, ws); }
     if constexpr (judged) {
       sizes.moment += largest_of(part.place()) * sizes.force;
       sizes_[at(node.inlet)] += sizes;
@@ -293,13 +295,13 @@ private:
   [[gnu::noinline]] void add_along_axis(const Node& node, const Scalar& of_limb, const Pair& forces, const Pair& moves,
                                         Data& ws)
   {
-    const FreeAxis<Scalar>* const axis = ws.free_axis(node.inlet);
-    if (axis == nullptr || axis->child < 0) { return; }
+    const FreeAxis<Scalar>& axis = *ws.free_axis(node.inlet);
+    if (axis.child < 0) { return; }
     if (ws.free_limb(node.index) != nullptr) {
-      along(*axis) += of_limb;
+      along(axis) += of_limb;
     } else {
-      const Pair S = axis_of(*axis, ws);
-      along(*axis) += dot(S, forces) + dot(S, moves);
+      const Pair S = axis_of(axis, ws);
+      along(axis) += dot(S, forces) + dot(S, moves);
     }
   }
   /// What is along S of a free frame moves it by one column of C, S·last, and is known better than by what is left of

@@ -6,6 +6,8 @@
 #include <iim/body.hpp>
 #include <iim/numerics/array.hpp>
 #include <iim/numerics/registers.hpp>
+#include <iim/pass/free_axis.hpp>
+#include <iim/pass/joint_lines.hpp>
 #include <iim/pass/motion_products.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>

@@ -17,6 +17,7 @@
 
 #include <iim/node_state.hpp>
 #include <iim/numerics/registers.hpp>
+#include <iim/pass/free_axis.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>

@@ -34,9 +34,9 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   if constexpr (one_column<S, Workspace>) {
     if (shared.sense != Sense::none) {
       difference.put(shared.difference.data());
-      shared.share = along(shared.sense, Scalar(1));
-      shared.undone = along(shared.sense, undone);
-      shared.slip = along(shared.sense, Scalar(slip));
+      shared.share = in_sense(shared.sense, Scalar(1));
+      shared.undone = in_sense(shared.sense, undone);
+      shared.slip = in_sense(shared.sense, Scalar(slip));
       return;
     }
   }
