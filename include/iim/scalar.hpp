@@ -105,6 +105,13 @@ bool all_finite(const Eigen::DenseBase<Derived>& m)
   return finite;
 }
 
+/// The larger of two, a if b is NaN.
+template <class Scalar>
+Scalar larger(const Scalar& a, const Scalar& b)
+{
+  return ScalarTraits<Scalar>::is_positive(b - a) ? b : a;
+}
+
 /// Whether a frame's own bodies come to its inertia before what hangs on it, as with several states at once, where that
 /// is in memory in any case (7 % of them). Else last, in registers, at the frame's own step: they would wait there for
 /// it in memory, and with what has come apart from them, what they are to their own joint is a constant (OwnColumn).

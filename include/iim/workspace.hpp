@@ -20,7 +20,6 @@
 #include <iim/update.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <span>
 #include <type_traits>
@@ -226,12 +225,12 @@ protected:
   [[gnu::cold]] void find_limbs(const JointLines<Scalar>& lines)
   {
     limb_of_.assign(static_cast<std::size_t>(tree_->size()), -1);
-    const Array<Scalar> moments = free_axes_.empty() ? Array<Scalar>() : moments_about_joints();
+    const Array<Scalar> moments = free_axes_.empty() ? Array<Scalar>() : moments_about_joints(*tree_);
     for (std::size_t k = 0; k < free_axes_.size(); ++k) {
       FreeAxis<Scalar>& axis = free_axes_[k];
       axis.first_limb = axis.end_of_limbs = free_limbs_.size();
       if (axis.child < 0) { continue; }
-      const bool joined = is_outweighed(axis, lines, moments);
+      const bool joined = is_outweighed(axis, lines, moments, *tree_);
       bool others_after = false;
       for (const Node& node : tree_->nodes()) {
         if (node.inlet != axis.frame) { continue; }
@@ -251,53 +250,6 @@ protected:
       axis.receiver = static_cast<Index>(frames_.size());
       frames_.push_back(frames_.front());
     }
-  }
-  /// Of each subsystem the moment of what it carries about its coupling point, at most.
-  [[gnu::cold]] Array<Scalar> moments_about_joints() const
-  {
-    using std::sqrt;
-    const auto at = [](Index i) { return static_cast<std::size_t>(i); };
-    const auto norm = [](const Vector3<Scalar>& x) { return Scalar(sqrt(x(0) * x(0) + x(1) * x(1) + x(2) * x(2))); };
-    Array<Scalar> mass(at(tree_->size()), Scalar(0)), lever = mass, moments = mass;
-    for (Index i = tree_->size(); i-- > 0;) {
-      const Node& node = tree_->node(i);
-      for (Index f = node.frame; f < tree_->end_of_frames(i); ++f) {
-        const FrameMass<Scalar>& body = tree_->frame_mass(f);
-        if (!body.present) { continue; }
-        mass[at(i)] += body.mass;
-        moments[at(i)] += sum_of_moments(body.central_inertia);
-        lever[at(i)] = larger(lever[at(i)], norm(body.com));
-      }
-      if (node.parent >= 0) {
-        mass[at(node.parent)] += mass[at(i)];
-        moments[at(node.parent)] += moments[at(i)];
-        Scalar& longest = lever[at(node.parent)];
-        longest = larger(longest, Scalar(norm(tree_->placement(i).p) + lever[at(i)]));
-      }
-      moments[at(i)] += mass[at(i)] * lever[at(i)] * lever[at(i)];
-    }
-    return moments;
-  }
-  /// Whether a free frame's own body turns so easily about its axis that what other limbs about that line hand on would
-  /// be too large for it. (Kept apart where it is not, they cost robots on four legs 4 % of one state's time, and 4 to
-  /// 6 % of several states'.)
-  [[gnu::cold]] bool is_outweighed(const FreeAxis<Scalar>& axis, const JointLines<Scalar>& lines,
-                                   const Array<Scalar>& moments) const
-  {
-    Scalar others(0);
-    for (const Node& node : tree_->nodes()) {
-      if (node.inlet != axis.frame || node.index == axis.child) { continue; }
-      if (lines.against_other(node.index, axis.child, *tree_) == Sense::none) { continue; }
-      others += moments[static_cast<std::size_t>(node.index)];
-    }
-    const FrameMass<Scalar>& body = tree_->frame_mass(axis.frame);
-    if (!body.present) { return ScalarTraits<Scalar>::is_positive(others); }
-    const Vector3<Scalar> a = lines.direction(axis.child, *tree_);
-    Vector3<Scalar> arm = body.com;
-    for (int i = 0; i < 3; ++i) { arm(i) -= tree_->placement(axis.child).p(i); }
-    const Vector3<Scalar> moved = cross(a, arm);
-    const Scalar own = a.dot(times(body.central_inertia, a)) + body.mass * moved.dot(moved);
-    return ScalarTraits<Scalar>::is_positive(others - Scalar(16) * own);
   }
   /// In square-root form which joints have the same S as their inlets.
   [[gnu::cold]] void find_shared(const JointLines<Scalar>& lines)

@@ -29,12 +29,6 @@ Scalar magnitude(const Scalar& x)
 {
   return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x);
 }
-/// The larger of two, a if b is NaN.
-template <class Scalar>
-Scalar larger(const Scalar& a, const Scalar& b)
-{
-  return ScalarTraits<Scalar>::is_positive(b - a) ? b : a;
-}
 template <class Scalar>
 Scalar largest_of(const Triple<Scalar>& x)
 {
