@@ -9,12 +9,12 @@
 
 namespace {
 
-/// x + d·dt with dt² = 0.
+/// x + d·dt with dt² = 0. One made from nothing is no number: Scalar() need not be 0, as it is not of AutoDiffScalar.
 struct Dual {
-  double x = 0, d = 0;
+  double x = std::numeric_limits<double>::quiet_NaN(), d = x;
 
   Dual() = default;
-  Dual(double value) : x(value) {}
+  Dual(double value) : x(value), d(0) {}
   Dual(double value, double derivative) : x(value), d(derivative) {}
   explicit operator double() const { return x; }
 

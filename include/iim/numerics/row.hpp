@@ -82,7 +82,9 @@ public:
   }
   [[gnu::always_inline]] void setZero()
   {
-    if constexpr (fits) {
+    if constexpr (n == 1) {
+      content_ = Scalar(0);  // Scalar() need not be 0: AutoDiffScalar leaves itself as it is
+    } else if constexpr (fits) {
       content_ = Content{};
     } else {
       content_.lower.setZero();
