@@ -104,6 +104,10 @@ inline constexpr bool keeps_v<Shape<Scalar, n_i, n_frames, pattern, is_free, kee
 template <class S, class Workspace>
 inline constexpr bool one_column = Workspace::update == Update::square_root && keeps_v<S>;
 
+/// Whether in square-root form a subsystem of this shape may share a motion with its inlet (SharedAxis).
+template <class S, class Workspace>
+inline constexpr bool shares_motion = Workspace::update == Update::square_root && S::n_frames == 1 && !is_free<S>();
+
 /// Whether in matrix form a subsystem of this shape may begin a FreeLimb.
 template <class S, class Workspace>
 inline constexpr bool follows_free_axis =

@@ -234,6 +234,22 @@ constexpr bool has_own_twist()
   return false;
 }
 
+/// `inlet_twists()`: one frame only; n_i columns that span the twists of the frame against the inlet, about the inlet's
+/// coupling point in its axes, where these are the same in every configuration. Update::square_root keeps from them the
+/// digits of a free base that is much lighter than two limbs which let it move in one way (common_motion.hpp).
+template <class S>
+constexpr bool has_inlet_twists()
+{
+  static_assert(
+      requires(const S s) { s.inlet_twists(); } || !requires { &S::inlet_twists; },
+      "inlet_twists must be: Eigen::Matrix<Scalar, 6, n_i> inlet_twists() const");
+  if constexpr (requires(const S s) { s.inlet_twists(); }) {
+    static_assert(S::n_frames == 1 && S::n_i > 1, "inlet_twists() is for one frame with several velocities");
+    return rotor_count<S>() + spring_count<S>() == 0;
+  }
+  return false;
+}
+
 /// `motion(R, turn, qd, frames)`: of one coordinate, which is an angle, with its sine and cosine in place of it. Those
 /// of all subsystems are computed at once.
 template <class S>

@@ -13,6 +13,7 @@
 #include <iim/pass/second_look.hpp>
 #include <iim/pass/shared_places.hpp>
 #include <iim/spatial.hpp>
+#include <iim/square_root/common_motion.hpp>
 #include <iim/square_root/row_tape.hpp>
 #include <iim/square_root/square_root.hpp>
 #include <iim/subsystem.hpp>
@@ -251,18 +252,25 @@ protected:
       frames_.push_back(frames_.front());
     }
   }
-  /// In square-root form which joints have the same S as their inlets.
-  [[gnu::cold]] void find_shared(const JointLines<Scalar>& lines)
+  /// In square-root form which joints have the same S as their inlets, or have it among their motions.
+  [[gnu::cold]] void find_shared(const JointLines<Scalar>& lines, const InletTwists<Scalar>& twists)
   {
     for (const Node& node : tree_->nodes()) {
-      if (node.inlet < 0) { continue; }
-      const RootInertia<Scalar>& inlet = root(node.inlet);
-      Sense& sense = shared_axis(node.index).sense;
-      if (!inlet.is_free) {
-        sense = lines.against_inlet(node.index, *tree_);
-      } else if (inlet.apart_along >= 0) {
-        const bool is_child = node.index == inlet.apart_along;
-        sense = is_child ? Sense::same : lines.against_other(node.index, inlet.apart_along, *tree_);
+      if (node.inlet >= 0 && !root(node.inlet).is_free) {
+        shared_axis(node.index).sense = lines.against_inlet(node.index, *tree_);
+      }
+    }
+    for (const FreeAxis<Scalar>& axis : free_axes_) {
+      const Vector6<Scalar> S = axis.child < 0 ? axis.common : lines.twist(axis.child, *tree_);
+      for (const Node& node : tree_->nodes()) {
+        if (node.inlet != axis.frame) { continue; }
+        Sense& sense = shared_axis(node.index).sense;
+        if (twists.is_known(node.index)) {
+          sense = twists.contain(node.index, S) ? Sense::same : Sense::none;
+        } else if (axis.child >= 0) {
+          const bool is_child = node.index == axis.child;
+          sense = is_child ? Sense::same : lines.against_other(node.index, axis.child, *tree_);
+        }
       }
     }
   }
@@ -312,8 +320,12 @@ public:
   [[gnu::cold]] explicit Workspace(const Tree& tree) : Data(tree), nodes_(tree)
   {
     detail::JointLines<Scalar> lines(tree.size());
+    detail::InletTwists<Scalar> twists;
     tree.outward([&]<class S>(const Node& node, const S& s) {
       lines.set(node.index, s);
+      if constexpr (update == Update::square_root) {
+        if (node.inlet >= 0 && this->root(node.inlet).is_free) { twists.add(node, s, tree); }
+      }
       // What a motion pattern declares zero is written here, once.
       NodeState<S>& state = this->node<S>(node);
       for (int k = 0; k < S::n_frames; ++k) {
@@ -340,9 +352,9 @@ public:
       if constexpr (detail::takes_turn<S>()) { this->turns_.add(node.q); }
     });
     this->turns_.allocate();
-    choose_free_axes();
+    choose_free_axes(twists);
     if constexpr (update == Update::square_root) {
-      this->find_shared(lines);
+      this->find_shared(lines, twists);
     } else {
       this->axes_ = detail::ParallelAxes<Scalar>(tree, !detail::mends<Data>);
       this->find_limbs(lines);
@@ -397,8 +409,9 @@ private:
     }
   }
 
-  /// Of each free frame the child with one column that carries most; in matrix form, one that turns about an axis.
-  [[gnu::cold]] void choose_free_axes()
+  /// Of each free frame the child with one column that carries most; in matrix form, one that turns about an axis; in
+  /// square-root form, what two heavier ones of several columns have in common.
+  [[gnu::cold]] void choose_free_axes([[maybe_unused]] const detail::InletTwists<Scalar>& twists)
   {
     detail::Array<Scalar> mass(static_cast<std::size_t>(this->tree().size()), Scalar(0));
     detail::Array<Index> child(this->frames_.size(), -1);
@@ -410,12 +423,18 @@ private:
       }
       if constexpr (detail::is_free<S>()) {
         const Index heaviest = child[static_cast<std::size_t>(node.frame)];
-        if (heaviest >= 0 || Data::update != Update::square_root) {
-          this->free_axes_.push_back({.frame = node.frame, .child = heaviest});
-          if constexpr (Data::update == Update::square_root) {
-            this->root(node.frame).keeps_v = true;
-            this->root(node.frame).apart_along = heaviest;
+        if constexpr (Data::update == Update::square_root) {
+          const auto common = detail::heaviest_common(node.frame, twists, mass, tree());
+          if (heaviest >= 0 && !(carried(heaviest) < common.carried)) {
+            this->free_axes_.push_back({.frame = node.frame, .child = heaviest});
+          } else if (Scalar(0) < common.carried) {
+            this->free_axes_.push_back({.frame = node.frame, .child = -1, .common = common.twist});
+          } else {
+            return;
           }
+          this->root(node.frame).keeps_v = true;
+        } else {
+          this->free_axes_.push_back({.frame = node.frame, .child = heaviest});
         }
       } else if (node.inlet >= 0) {
         carried(node.parent) += carried(node.index);

@@ -161,7 +161,9 @@ protected:
         }
       }
       std::array<Lanes, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
-      [[maybe_unused]] Lanes undone = Lanes::Zero();  // of q̈, against the inlet's rate about the same axis
+      constexpr bool may_share = shares_motion<S, Workspace>;
+      [[maybe_unused]] std::array<Lanes, may_share ? n_i : 1> undone;  // of q̈, against the inlet's rate along S
+      undone.fill(Lanes::Zero());
       [[maybe_unused]] Lanes slip = Lanes::Zero();
       std::array<Lanes, 6> y;
       y.fill(Lanes::Zero());
@@ -172,7 +174,9 @@ protected:
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
-            undone = shared.undone * inlet_rate;
+            if constexpr (may_share) {
+              for (int d = 0; d < n_i; ++d) { undone[at(d)] = shared.undone(d) * inlet_rate; }
+            }
             slip = shared.slip * inlet_rate;
           }
         }
@@ -182,9 +186,9 @@ protected:
         if constexpr (is_free<S>()) { y.fill(Lanes::Zero()); }
       }
       if constexpr (!is_free<S>()) { moves = l; }
-      if constexpr (apart) {
-        store(frames[0] + components * a + rate * lanes, l[0] + slip);
-        l[0] -= undone;
+      if constexpr (apart) { store(frames[0] + components * a + rate * lanes, l[0] + slip); }
+      if constexpr (may_share) {
+        for (int d = 0; d < n_i; ++d) { l[at(d)] -= undone[at(d)]; }
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
       if (!step.hands_on) { return; }

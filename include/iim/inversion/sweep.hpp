@@ -59,7 +59,9 @@ protected:
     constexpr int n_i = S::n_i;
     if (reach_[at(node.index)] != acted) { return; }
     constexpr bool apart = one_column<S, Workspace>;
+    constexpr bool several = shares_motion<S, Workspace> && !apart;
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
+    [[maybe_unused]] std::array<Lane, std::max(n_i, 1)> shares;
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
     [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
@@ -81,6 +83,7 @@ protected:
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         tau[d] = rows_[at(node.v + d)];
         if constexpr (apart || follows_free_axis<S, Workspace>) { share = -tau[0]; }
+        if constexpr (several) { shares[d] = -tau[d]; }
         if constexpr (apart) {
           tau[0] += along_[at(node.frame)];
         } else {
@@ -119,8 +122,10 @@ protected:
       if (ws.root(node.inlet).keeps_v) {
         const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
         Lane& sum = along_[at(node.inlet)];
-        sum += share * shared.undone;
-        if constexpr (apart) { sum += along_[at(node.frame)] * shared.slip; }
+        if constexpr (apart) { sum += share * shared.undone(0) + along_[at(node.frame)] * shared.slip; }
+        if constexpr (several) {
+          for (int d = 0; d < n_i; ++d) { sum += shares[at(d)] * shared.undone(d); }
+        }
         unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
       }
     }
@@ -152,7 +157,9 @@ protected:
       reach = carried;
     }
     constexpr bool apart = one_column<S, Workspace>;
-    [[maybe_unused]] Lane undone = zero();  // of q̈, against the inlet's rate about the same axis
+    // Of q̈, against the inlet's rate along the same motion.
+    [[maybe_unused]] std::array<Lane, std::max(n_i, 1)> undone;
+    undone.fill(zero());
     [[maybe_unused]] Lane slip = zero();
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
@@ -162,7 +169,7 @@ protected:
         if (reach_[at(node.parent)] == acted) {
           copy(applied(node.frame), y);
           slip = along_[at(node.frame)] * limb->slip;
-          undone = along_[at(node.frame)] * limb->undone;
+          undone[0] = along_[at(node.frame)] * limb->undone;
         } else {
           clear(y);
         }
@@ -175,7 +182,9 @@ protected:
           const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
           const Lane& rate = along_[at(node.inlet)];
           unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
-          undone = rate * shared.undone;
+          if constexpr (shares_motion<S, Workspace>) {
+            for (int d = 0; d < n_i; ++d) { undone[at(d)] = rate * shared.undone(d); }
+          }
           slip = rate * shared.slip;
         }
       }
@@ -190,8 +199,10 @@ protected:
         unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
         rows_[at(node.v + d)] = row;
         if (apart || limb != nullptr) {
-          rows_[at(node.v)] -= undone;
+          rows_[at(node.v)] -= undone[0];
           row += slip;
+        } else if constexpr (shares_motion<S, Workspace>) {
+          rows_[at(node.v + d)] -= undone[at(d)];
         }
       }
       if constexpr (!is_free<S>()) { qdd[d] = row; }

@@ -111,7 +111,9 @@ protected:
       }
     }
     TriplePair<Scalar> y;
-    [[maybe_unused]] Scalar undone(0), slip(0);  // of q̈, against the inlet's rate about the same axis
+    // Of q̈, against the inlet's rate along the same motion.
+    [[maybe_unused]] Velocities<S> undone = Velocities<S>::Zero();
+    [[maybe_unused]] Scalar slip(0);
     if (node.inlet >= 0) {
       y = guidance(node, state, undone, slip);
       if constexpr (scene.velocity) { y.linear += Triple<Scalar>::settled(state.c.data()); }
@@ -127,7 +129,7 @@ protected:
 #pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) {
       qdd(d) = -state.psi(d) - follow(node, state, d, y);
-      ws_.qdd()(node.v + d) = qdd(d) - undone;
+      ws_.qdd()(node.v + d) = qdd(d) - undone(d);
       if constexpr (one_column<S, Data>) { qdd(d) += slip; }
     }
 #pragma GCC unroll 2
@@ -198,8 +200,8 @@ private:
 
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
   template <class S>
-  [[gnu::always_inline]] TriplePair<Scalar> guidance(const Node& node, const NodeMemory<S>& state, Scalar& undone,
-                                                     Scalar& slip) const
+  [[gnu::always_inline]] TriplePair<Scalar> guidance(const Node& node, const NodeMemory<S>& state,
+                                                     Velocities<S>& undone, Scalar& slip) const
   {
     if constexpr (Data::update == Update::square_root) {
       const RootInertia<Scalar>& inlet = ws_.root(node.inlet);
@@ -207,7 +209,7 @@ private:
         const SharedAxis<Scalar>& shared = ws_.shared_axis(node.index);
         TriplePair<Scalar> y = shifted(state.r, inlet.rest);
         y += TriplePair<Scalar>(shared.difference.data()) * inlet.rate;
-        undone = shared.undone * inlet.rate;
+        for (int d = 0; d < S::n_i; ++d) { undone(d) = shared.undone(d) * inlet.rate; }
         slip = shared.slip * inlet.rate;
         return y;
       }

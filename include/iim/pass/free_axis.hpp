@@ -14,11 +14,13 @@
 
 namespace iim::detail {
 
-/// The joint `child` that carries most of what hangs on a free frame, and its column S.
+/// The joint `child` that carries most of what hangs on a free frame, and its column S; in square-root form also what
+/// two such joints of several velocities have in common.
 template <class Scalar>
 struct FreeAxis {
   Index frame;
-  Index child;  ///< −1: none
+  Index child;                                       ///< −1: none
+  Vector6<Scalar> common = Vector6<Scalar>::Zero();  ///< S without `child`: about the frame's origin, in its axes
   // Matrix form: about the frame's point, in the axes of its A.
   /// The limbs that begin with `child` or another joint about its line (WorkspaceData::limbs).
   std::size_t first_limb = 0, end_of_limbs = 0;

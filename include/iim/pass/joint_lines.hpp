@@ -50,6 +50,19 @@ public:
 
   /// Of subsystem i, in the axes of the frame that it hangs on.
   Vector3<Scalar> direction(Index i, const TreeData<Scalar>& tree) const { return placed(i, tree).direction; }
+  /// Its twist in these axes, about that frame's origin; 0 if it neither turns nor slides.
+  Vector6<Scalar> twist(Index i, const TreeData<Scalar>& tree) const
+  {
+    const Line line = placed(i, tree);
+    const Vector3<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
+    Vector6<Scalar> V;
+    if (line.turns) {
+      detail::set(V, cross(tree.placement(i).p, line.direction), line.direction);
+    } else {
+      detail::set(V, line.direction, zero);
+    }
+    return V;
+  }
   /// Of subsystem i against the joint that its inlet hangs on.
   Sense against_inlet(Index i, const TreeData<Scalar>& tree) const
   {

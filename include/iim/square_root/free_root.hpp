@@ -35,7 +35,8 @@
 
 namespace iim::detail {
 
-/// S of a free frame: the column of the joint `child` that hangs on it, and v of the frame's own rows. Before the
+/// S of a free frame: the column of the joint `child` that hangs on it, or what joints on it have in common, and v of
+/// the frame's own rows. Before the
 /// inward loop.
 template <class Workspace>
 void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& ws)
@@ -44,10 +45,16 @@ void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& 
   using Scalar = typename Workspace::Scalar;
   const FrameState<Scalar>& f = ws.frame(axis.frame);
   RootInertia<Scalar>& N = ws.root(axis.frame);
-  Vector3<Scalar> r = times(f.R, ws.tree().placement(axis.child).p);
-  add(r, f.r);
+  Vector3<Scalar> r = f.r;
+  Vector6<Scalar> S;
+  if (axis.child >= 0) {
+    add(r, times(f.R, ws.tree().placement(axis.child).p));
+    S = ws.root(ws.tree().node(axis.child).frame).S;
+  } else {
+    set(S, times(f.R, linear(axis.common)), times(f.R, angular(axis.common)));
+  }
   for (int i = 0; i < 3; ++i) { r(i) = -r(i); }
-  N.S = shift_twist(r, ws.root(ws.tree().node(axis.child).frame).S);
+  N.S = shift_twist(r, S);
   N.h.setZero();
   N.h_along = Scalar(0);
   N.scale = Scalar(0);

@@ -4,6 +4,7 @@
 
 #include <iim/node_state.hpp>
 #include <iim/numerics/registers.hpp>
+#include <iim/numerics/spd.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root/root_compress.hpp>
@@ -18,6 +19,29 @@
 
 namespace iim::detail {
 
+/// The shares of S_i in a motion that its columns span.
+template <class Scalar, int n>
+[[gnu::noinline]] void set_shares(const Eigen::Matrix<Scalar, 6, n>& S_i, const Vector6<Scalar>& motion,
+                                  Vector6<Scalar>& shares)
+{
+  Eigen::Matrix<Scalar, n, n> product, C, inverse;
+  Eigen::Matrix<Scalar, n, 1> along, scale;
+  for (int d = 0; d < n; ++d) {
+    along(d) = Scalar(0);
+    for (int k = 0; k < 6; ++k) { along(d) += S_i(k, d) * motion(k); }
+    for (int e = 0; e < n; ++e) {
+      product(d, e) = Scalar(0);
+      for (int k = 0; k < 6; ++k) { product(d, e) += S_i(k, d) * S_i(k, e); }
+    }
+    scale(d) = product(d, d);
+  }
+  invert_spd<Scalar, n>(product, scale, C, inverse);
+  for (int d = 0; d < n; ++d) {
+    shares(d) = Scalar(0);
+    for (int e = 0; e < n; ++e) { shares(d) += inverse(d, e) * along(e); }
+  }
+}
+
 /// S of the inlet against S_i. undone, slip: W S_i and 1 − W S_i.
 template <class S, class Workspace>
 void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] const auto& slip, Workspace& ws,
@@ -29,18 +53,26 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
   SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
   TriplePair<Scalar> difference{zero, zero};
-  shared.share = shared.undone = shared.slip = Scalar(0);
+  shared.share = shared.slip = Scalar(0);
   const TriplePair<Scalar> of_inlet(inlet.S.data());
   if constexpr (one_column<S, Workspace>) {
     if (shared.sense != Sense::none) {
       difference.put(shared.difference.data());
       shared.share = in_sense(shared.sense, Scalar(1));
-      shared.undone = in_sense(shared.sense, undone);
+      shared.undone(0) = in_sense(shared.sense, undone);
       shared.slip = in_sense(shared.sense, Scalar(slip));
       return;
     }
   }
   difference = {of_inlet.linear + cross(of_inlet.angular, Triple<Scalar>(state.r.data())), of_inlet.angular};
+  if constexpr (has_inlet_twists<S>()) {
+    if (shared.sense != Sense::none) [[unlikely]] {
+      Vector6<Scalar> whole;
+      difference.put(whole.data());
+      set_shares(state.S_k[0], whole, shared.undone);
+      difference = {zero, zero};
+    }
+  }
   if constexpr (one_column<S, Workspace>) {
     const TriplePair<Scalar> own(state.S_k[0].data());
     const auto along_own = [&](const TriplePair<Scalar>& x) __attribute__((always_inline)) {
@@ -57,7 +89,7 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
     const Scalar rest = along_own(difference);
     difference -= own * rest;
     shared.share = whole + rest;
-    shared.undone = shared.share * undone;
+    shared.undone(0) = shared.share * undone;
     shared.slip = shared.share * slip;
   }
   difference.put(shared.difference.data());
@@ -158,6 +190,9 @@ template <class S, class Workspace>
   if (!inlet.keeps_v) { return; }
   const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
   inlet.h_along += shared.share * load + dot(TriplePair<Scalar>(shared.difference.data()), h);
+  if constexpr (has_inlet_twists<S>()) {
+    for (int d = 0; d < S::n_i; ++d) { inlet.h_along += shared.undone(d) * ws.load()(node.v + d); }
+  }
 }
 
 /// √m of the heaviest body that the frames of S carry.

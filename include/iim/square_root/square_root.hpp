@@ -92,7 +92,6 @@ struct RootInertia {
   std::array<RootRow<Scalar>, 7> G;     ///< of a free frame (free_root.hpp)
   static constexpr int outweighed = 3;  ///< by a factor of nine in mass
   Scalar heaviest;                      ///< √m of the heaviest body in the rows
-  Eigen::Index apart_along = -1;        ///< of a free frame: the child whose column S is
   bool is_reduced = false;              ///< whether reduced_from is looked at
   RootRow<Scalar> reduced_from;         ///< Σ |n| of rows that its children's were reduced from
   bool is_free = false;
@@ -108,14 +107,16 @@ struct RootInertia {
 /// S of the inlet as a child sees it: X(r) S_inlet = difference + share S_i. Where A'S_i = 0, a share of the inlet's
 /// rate is undone by the child's own joint without anything else moving, so that only the difference acts on what
 /// follows; of axes that nearly coincide it is all there is to see. A rotor or spring within makes A'S_i = Wᵀ slip:
-/// undoing the share winds it up, and what the joint undoes is less. share = 0 for joints of several columns or frames.
+/// undoing the share winds it up, and what the joint undoes is less. Joints of several columns have shares where S of a
+/// free inlet is among their motions at any state (common_motion.hpp), others, and those of several frames, have none.
 template <class Scalar>
 struct SharedAxis {
   Sense sense = Sense::none;  ///< of S_i and S_inlet where they are the same at any state: then nothing differs
   Vector6<Scalar> difference;
-  Scalar share;
-  Scalar undone;  ///< share · W S_i, each of the two without subtracting the other from 1
-  Scalar slip;    ///< share · (1 − W S_i)
+  Scalar share;                                      ///< of a joint of one column
+  Vector6<Scalar> undone = Vector6<Scalar>::Zero();  ///< shares · W S_i, each of the two without subtracting the other
+                                                     ///< from 1
+  Scalar slip;                                       ///< share · (1 − W S_i)
 };
 
 inline constexpr std::size_t free_rate = 6;  ///< row of the rate in RootInertia::G

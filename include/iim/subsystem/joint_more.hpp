@@ -100,6 +100,13 @@ struct Cylindrical {
     return true;
   }
 
+  Eigen::Matrix<Scalar, 6, 2> inlet_twists() const
+  {
+    Eigen::Matrix<Scalar, 6, 2> V = Eigen::Matrix<Scalar, 6, 2>::Zero();
+    for (int k = 0; k < 3; ++k) { V(k + 3, 0) = V(k, 1) = unit_.direction(k); }
+    return V;
+  }
+
   template <class T>
   Cylindrical<T> cast() const
   {
@@ -195,6 +202,17 @@ struct Planar {
     return true;
   }
 
+  Eigen::Matrix<Scalar, 6, 3> inlet_twists() const
+  {
+    Eigen::Matrix<Scalar, 6, 3> V = Eigen::Matrix<Scalar, 6, 3>::Zero();
+    for (int k = 0; k < 3; ++k) {
+      V(k, 0) = x_(k);
+      V(k, 1) = y_(k);
+      V(k + 3, 2) = unit_.direction(k);
+    }
+    return V;
+  }
+
   template <class T>
   Planar<T> cast() const
   {
@@ -240,6 +258,13 @@ struct Spherical {
   {
     const Eigen::Quaternion<Scalar> omega(Scalar(0), qd(0), qd(1), qd(2));
     return (Eigen::Quaternion<Scalar>(q(3), q(0), q(1), q(2)) * omega).coeffs() / Scalar(2);
+  }
+
+  Eigen::Matrix<Scalar, 6, 3> inlet_twists() const
+  {
+    Eigen::Matrix<Scalar, 6, 3> V = Eigen::Matrix<Scalar, 6, 3>::Zero();
+    for (int k = 0; k < 3; ++k) { V(k + 3, k) = Scalar(1); }
+    return V;
   }
 
   template <class T>

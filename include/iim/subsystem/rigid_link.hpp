@@ -49,6 +49,12 @@ struct RigidLink {
     return joint.own_twist();
   }
 
+  Eigen::Matrix<Scalar, 6, n_i> inlet_twists() const
+    requires requires(const Joint& j) { j.inlet_twists(); }
+  {
+    return joint.inlet_twists();
+  }
+
   auto neutral() const
     requires requires(const Joint& j) { j.neutral(); }
   {
