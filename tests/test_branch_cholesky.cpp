@@ -1,4 +1,4 @@
-// PROGRAM: tests_matrices
+// PROGRAM: tests_methods
 // The factorisation M = LᵀL of random robots: its product, its solutions, and what it says of a singular matrix.
 #include <iim/iim.hpp>
 #include <iim/mass_matrix/branch_cholesky.hpp>

@@ -1,4 +1,4 @@
-// PROGRAM: tests_matrices
+// PROGRAM: tests_methods
 // M, h and B of random robots against energy, power and differences of positions, which share no formula with them.
 // In long double, where a difference quotient leaves 13 digits.
 #include <iim/iim.hpp>

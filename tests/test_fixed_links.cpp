@@ -1,4 +1,4 @@
-// PROGRAM: tests_static
+// PROGRAM: tests_methods
 // A FixedLink on what takes its body is a frame of that: the same robot as with the bodies put together by hand.
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -6,6 +6,8 @@
 
 #include <limits>
 
+namespace test_frame_conventions {
+
 using namespace bench;
 
 namespace {
@@ -84,3 +86,5 @@ TEST_CASE("articulated bodies in other frames")
   agrees<Frames::own_origin, iim::Update::square_root>("own origin, square root");
   agrees<Frames::common_origin, iim::Update::square_root>("common origin, square root");
 }
+
+}  // namespace test_frame_conventions

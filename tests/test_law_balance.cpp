@@ -1,4 +1,4 @@
-// PROGRAM: tests_matrices
+// PROGRAM: tests_methods
 // Laws that share no formula with the recursions: energy, momentum, finite differences, permutation, rigid motion.
 // REQUIRES: boost
 //
@@ -11,6 +11,8 @@
 
 #include <limits>
 #include <utility>
+
+namespace test_law_balance {
 
 using namespace iim;
 using namespace iim::reference;
@@ -151,3 +153,5 @@ TEST_CASE("the momentum balance of robots without a foundation", "[law]")
     CHECK(static_cast<double>((gain - wrench).norm() / scale) < 100 * eps);
   }
 }
+
+}  // namespace test_law_balance

@@ -1,4 +1,4 @@
-// PROGRAM: tests_velocities
+// PROGRAM: tests_parallel
 // Heavy loads behind joints of several velocities, screws and free bases, on parallel axes, behind a hand of many
 // fingers, and a heavy flywheel, in the projected form: B̂ and q̈₀ keep their digits.
 #include "catch.hpp"

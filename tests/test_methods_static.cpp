@@ -1,4 +1,4 @@
-// PROGRAM: tests_static
+// PROGRAM: tests_methods
 // The methods agree on a tree that stands in the type.
 #include "mechanism.hpp"
 

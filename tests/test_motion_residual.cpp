@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // What the equations of motion leave of q̈ is nothing, by sums over bodies that the pass does not make: every kind of
 // part, scene and load. A term with a wrong sign, frame or place would make robots under loads come back wrong, or not
 // at all.

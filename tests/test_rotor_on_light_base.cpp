@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // The square-root form where a small rotor meets heavy links: what the heavy ones push on each other stays among them.
 #include "catch.hpp"
 #include "random_tree.hpp"

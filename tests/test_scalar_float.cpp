@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // float, double and long double: the same numbers, each to its own precision.
 #include "catch.hpp"
 #include "scalar_check.hpp"

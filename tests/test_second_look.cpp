@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // Loads that leave pivots few digits: what comes back ok is right, in float and in double, and what can be computed
 // comes back.
 #include "catch.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // Several states at once in float: random robots, every remainder of a pack.
 #include "several_states.hpp"
 

@@ -1,4 +1,4 @@
-// PROGRAM: tests_velocities
+// PROGRAM: tests_parallel
 // Joints of several velocities: bodies that are thin in some direction of theirs, in the projected form; in square-root
 // form light subsystems that move as the heavy one on them does, whose lightness may leave no digits in float.
 #include "catch.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // Square-root form on axes that nearly or exactly coincide: what a joint undoes of its parent's motion does not cost
 // digits, whatever the type of the two joints, in q̈ with and without inputs and in every method that is built on the
 // workspace.

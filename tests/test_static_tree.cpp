@@ -1,4 +1,4 @@
-// PROGRAM: tests_static
+// PROGRAM: tests_methods
 // A tree in the C++ type computes what the same tree read at run time computes.
 #include "catch.hpp"
 #include "random_tree.hpp"

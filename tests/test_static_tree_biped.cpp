@@ -1,4 +1,4 @@
-// PROGRAM: tests_static
+// PROGRAM: tests_methods
 // The paper's biped as a type and as read at run time.
 #include "catch.hpp"
 #include "random_tree.hpp"

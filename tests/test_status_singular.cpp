@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // Machines without a mass matrix to invert: in whatever direction they point, roundings must not pass for an inertia.
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // Where a pivot is told from its roundings: what must be refused, and what only looks as if.
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_light_base
+// PROGRAM: tests_extreme
 // Numbers too small for a full mantissa take a processor a hundred times as long: none come from what a robot's file
 // rounds.
 #include "catch.hpp"

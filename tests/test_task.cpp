@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // Task rows (3) on random robots: V̇_t = J_t B̂ u + V̇_t0 against accelerations of another pass, momentum balance,
 // switching, bad names. What J_t and J̇_t q̇ are is held against kinematics in test_task_kinematics.cpp.
 #include "catch.hpp"

@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // What J_t and J̇_t q̇ are: derivatives along a motion, on random robots, by differences in long double.
 //
 // The motion: all q̇ constant, which for a floating base is a screw motion. Positions come from a forward kinematics

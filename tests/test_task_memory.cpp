@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // Tasks in the cycle: no allocation and no exception while tasks and inputs are switched and a bad state passes by; and
 // the same rows from the other updates of M̄*.
 #include <iim/iim.hpp>

@@ -1,4 +1,4 @@
-// PROGRAM: tests_task
+// PROGRAM: tests_several
 // Task rows on a tree that stands in the type, and in scenes without velocity or gravity.
 #include "catch.hpp"
 #include "random_tree.hpp"

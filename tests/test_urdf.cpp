@@ -1,5 +1,5 @@
 // REQUIRES: urdf
-// PROGRAM: tests_urdf
+// PROGRAM: tests_methods
 // What a URDF file becomes: joints of every type, merged links, bases, frames. Numbers by hand.
 #include "catch.hpp"
 

@@ -1,5 +1,5 @@
 // REQUIRES: urdf
-// PROGRAM: tests_urdf
+// PROGRAM: tests_methods
 // What is wrong with a URDF file is said with its line, the item and the value, and only there: nothing on stderr.
 #include "catch.hpp"
 

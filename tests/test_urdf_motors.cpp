@@ -1,5 +1,5 @@
 // REQUIRES: urdf
-// PROGRAM: tests_urdf
+// PROGRAM: tests_methods
 // Motors of a URDF robot: from <transmission> in its dialects, from a side argument, and what a contained rotor is
 // worth.
 #include "catch.hpp"

@@ -1,5 +1,5 @@
 // REQUIRES: urdf
-// PROGRAM: tests_urdf
+// PROGRAM: tests_methods
 // The two robots that come with the library: the biped's file is the biped of iim/models.hpp, the arm has its motors.
 #include "catch.hpp"
 #include "random_tree.hpp"

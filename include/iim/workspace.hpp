@@ -124,6 +124,7 @@ public:
   /// In matrix form the limb along such an axis that subsystem i begins; nullptr if it begins none.
   [[gnu::always_inline]] detail::FreeLimb<Scalar>* free_limb(Index i)
   {
+    if constexpr (update_ == Update::square_root) { return nullptr; }
     const Index limb = limb_of_[static_cast<std::size_t>(i)];
     return limb < 0 ? nullptr : &free_limbs_[static_cast<std::size_t>(limb)];
   }
@@ -406,6 +407,7 @@ private:
       });
       bodies.allocate(tree(), detail::mends_several<Data>);
       this->second_look_.allocate(tree());
+      if constexpr (detail::refines_root<Data>) { this->second_look_.leave_light(this->free_axes_, tree()); }
     }
   }
 

@@ -255,7 +255,11 @@ private:
   /// Of q̈, where small pivots went into it.
   bool holds()
   {
-    if constexpr (refines<Data>) {
+    if constexpr (refines_root<Data>) {
+      if (ws_.second_look().has_heavy()) [[unlikely]] {
+        ws_.second_look().refine_root(scene.velocity, scene.gravity, scene.implicit, ws_);
+      }
+    } else if constexpr (refines<Data>) {
       if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
         if (!ws_.second_look().refine(scene.velocity, scene.gravity, scene.implicit, ws_)) {
           diagnosis_.fail(Status::not_positive_definite, ws_.second_look().first());

@@ -2,7 +2,7 @@
 //
 //     δx = M⁻¹ (τ − M x),        M x by the balance of each joint at the accelerations of all bodies, M⁻¹ by W and C
 //
-// and what the roundings of these sums may be in it. In matrix form, one state.
+// and what the roundings of these sums may be in it. Of one state.
 #pragma once
 
 #include <iim/body.hpp>
@@ -104,7 +104,7 @@ public:
       if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
     });
     for (const FreeAxis<Scalar>& axis : ws.free_axes()) {
-      if (axis.child >= 0) { along(axis) = dot(axis_of(axis, ws), forces_[at(axis.frame)]); }
+      if (keeps_apart<Data>(axis)) { along(axis) = dot(axis_of(axis, ws), forces_[at(axis.frame)]); }
     }
     const auto is_single = [&](Index i) { return !judged && ws.bodies_beyond().part(i).is_single(); };
     for (Index i = ws.tree().size(); i-- > 0;) {
@@ -282,6 +282,12 @@ private:
     const Pair S = part.column(0, 0);
     return {S.linear - cross(S.angular, part.place()), S.angular};
   }
+  /// In square-root form it does not: see SecondLook::leave_light.
+  template <class Data>
+  static bool keeps_apart(const FreeAxis<Scalar>& axis)
+  {
+    return Data::update != Update::square_root && axis.child >= 0;
+  }
   Scalar& along(const FreeAxis<Scalar>& axis) { return along_[at(axis.frame)]; }
 
   /// What a subsystem leaves on a free frame, along its axis S: `forces` and `moves`, or of_limb of a limb along that.
@@ -290,7 +296,7 @@ private:
                                         Data& ws)
   {
     const FreeAxis<Scalar>& axis = *ws.free_axis(node.inlet);
-    if (axis.child < 0) { return; }
+    if (!keeps_apart<Data>(axis)) { return; }
     if (ws.free_limb(node.index) != nullptr) {
       along(axis) += of_limb;
     } else {
@@ -304,7 +310,7 @@ private:
   [[gnu::noinline]] void balance_along_axis(const Node& node, Data& ws, Scalar* scaled)
   {
     const FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
-    if (axis.child < 0) { return; }
+    if (!keeps_apart<Data>(axis)) { return; }
     const auto& part = ws.bodies_beyond().part(node.index);
     Pair all = forces_[at(node.frame)];
     all += moves_[at(node.frame)];
