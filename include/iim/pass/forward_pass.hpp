@@ -256,6 +256,7 @@ private:
   bool holds()
   {
     if constexpr (refines_root<Data>) {
+      if constexpr (scene.implicit) { return true; }  // springs are in the rows, not in load()
       if (ws_.second_look().has_heavy()) [[unlikely]] {
         ws_.second_look().refine_root(scene.velocity, scene.gravity, scene.implicit, ws_);
       }

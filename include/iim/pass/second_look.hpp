@@ -83,15 +83,29 @@ public:
   bool is_needed_for_acceleration() const { return has_mended_ || is_needed(); }
   /// Whether a body is 16 times as heavy as one further inward.
   bool has_heavy() const { return heavy_ > 0; }
-  /// In square-root form free bodies that are too light for q̈ to be made better: what passes through joints about one
-  /// line acts on them by its roundings in sums.
+  /// In square-root form not where limbs on a free body, but for the heaviest, weigh 64 times as much as it, or one
+  /// body 1/(64 ε) times: of what passes from one to the other, sums have roundings along a motion that it makes alone
+  /// (common_motion.hpp).
   [[gnu::cold]] void leave_light(const Array<FreeAxis<Scalar>>& free, const TreeData<Scalar>& tree)
   {
-    Scalar heaviest(0);
-    for (Index f = 0; f < tree.n_frames(); ++f) { heaviest = larger(heaviest, tree.frame_mass(f).mass); }
+    Array<Scalar> carried(at(tree.size()), Scalar(0));
+    Scalar load(0);
+    for (Index f = 0; f < tree.n_frames(); ++f) { load = larger(load, tree.frame_mass(f).mass); }
+    for (Index i = tree.size(); i-- > 0;) {
+      for (Index f = tree.node(i).frame; f < tree.end_of_frames(i); ++f) { carried[at(i)] += tree.frame_mass(f).mass; }
+      if (tree.node(i).parent >= 0) { carried[at(tree.node(i).parent)] += carried[at(i)]; }
+    }
     for (const FreeAxis<Scalar>& axis : free) {
-      const Scalar seen = heaviest * (Scalar(64) * Eigen::NumTraits<Scalar>::epsilon());
-      if (!ScalarTraits<Scalar>::is_positive(tree.frame_mass(axis.frame).mass - seen)) { heavy_ = 0; }
+      Scalar heaviest(0), all(0);
+      for (const Node& node : tree.nodes()) {
+        if (node.inlet != axis.frame) { continue; }
+        heaviest = larger(heaviest, carried[at(node.index)]);
+        all += carried[at(node.index)];
+      }
+      const Scalar own = Scalar(64) * tree.frame_mass(axis.frame).mass;
+      const Scalar most =
+          larger(Scalar(all - heaviest), Scalar(load * (Scalar(4096) * Eigen::NumTraits<Scalar>::epsilon())));
+      if (ScalarTraits<Scalar>::is_positive(most - own)) { heavy_ = 0; }
     }
   }
 
