@@ -279,6 +279,18 @@ TEST_CASE("a small link with a flawed inertia is forgiven on a sound one, with a
   CHECK(part<RevoluteLink<double>>(r, "a").body.mass == 2.001);
 }
 
+TEST_CASE("a joint that moves no mass is warned of")
+{
+  const std::string bare = "<link name='jaw'/>";
+  const std::string joints = joint_xml("j", "continuous", "base", "a") + joint_xml("grip", "continuous", "a", "jaw");
+  const auto r = parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a") + bare + joints));
+  REQUIRE(r.warnings.size() == 1);
+  CHECK(r.warnings[0].find("'grip'") != std::string::npos);
+  CHECK(r.warnings[0].find("'jaw'") != std::string::npos);
+  const std::string tip = link_xml("tip") + joint_xml("t", "fixed", "jaw", "tip");
+  CHECK(parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a") + bare + joints + tip)).warnings.empty());
+}
+
 TEST_CASE("an inertia that no body can have is kept as it is where no moment is negative, with a warning")
 {
   const auto inertial_with = [](const std::string& ixy) {

@@ -227,11 +227,10 @@ template <class Scalar>
   if (body.any_moments) { return; }
   const double sum = inertia(0, 0) + inertia(1, 1) + inertia(2, 2);
   if (!detail::is_definite((1 + slack) * sum + slack, -(2 + slack), inertia)) {
-    throw ModelError(
-        owner +
-        ": one principal moment of inertia exceeds the sum of the other two by more than roundings (any_moments = "
-        "true lets it pass)" +
-        moments);
+    throw ModelError(owner +
+                     ": one principal moment of inertia exceeds the sum of the other two by more than roundings (with "
+                     "Body::any_moments it may)" +
+                     moments);
   }
 }
 

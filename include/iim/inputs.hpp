@@ -72,7 +72,8 @@ public:
   }
 
   /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such
-  /// frame, the world carries it, or the point is not finite.
+  /// frame, it is one of the world's own (columns on a FixedLink that the world carries are zero), or the point is not
+  /// finite.
   Id add_force(const std::string& frame, const FramePoint<Scalar>& point = {}, Axes axes = Axes::world)
   {
     return append(at_point(InputKind::force, 3, frame, point.at, axes));
@@ -86,10 +87,11 @@ public:
   }
   Id add_wrench(const std::string& frame, Axes axes) { return add_wrench(frame, FramePoint<Scalar>(), axes); }
 
-  /// Switches a block of columns on or off.
+  /// Switches a block of columns on or off. (Of a number that is none of a block's, with assertions off: nothing.)
   void set_active(Id id, bool active)
   {
     assert(id >= 0 && id < blocks() && "no such input");
+    if (id < 0 || id >= blocks()) { return; }  // a block's column(), taken for its number, is −1 while it is inactive
     blocks_[static_cast<std::size_t>(id)].active = active;
     count();
   }

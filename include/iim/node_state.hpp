@@ -59,7 +59,8 @@ struct FrameState
       std::conditional_t<detail::bodies_first<Scalar>, detail::PlacedInertia<Scalar>, FrameInertia<Scalar>> {
   using FrameMovement<Scalar>::R, FrameMovement<Scalar>::r;
 
-  Vector6<Scalar> Vdot;  ///< acceleration
+  /// Acceleration less gravity's: of what is held still by (0, 0, 9.81; 0, 0, 0). World axes, at the coupling point.
+  Vector6<Scalar> Vdot;
   bool offset = false;   ///< whether the frame's bodies are about another point than the coupling point
   bool arrived = false;  ///< on the way inward: whether anything has come to A, h and size
   bool loses = false;    ///< whether loss is, and large against A

@@ -2,7 +2,7 @@
 //
 // A subsystem hangs on its parent at a coupling point. The part of the parent that carries the coupling point is its
 // inlet; the rigid frames that the subsystem itself moves are its frames, and children hang on those. Everything is
-// written in axes parallel to the world and at the coupling point (DESIGN: own origins), so an author only says how
+// written in axes parallel to the world and at the coupling point, so an author only says how
 // the frames move relative to the inlet and which bodies they carry; velocity and inertia terms follow from that:
 //
 //     twist of frame k at the coupling point      V_k = (v_o; ω_o) + S_k q̇_i
@@ -194,7 +194,9 @@ constexpr int rotor_count()
 template <class S>
 constexpr bool has_internal_force()
 {
-  constexpr bool has = requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.internal_force(q, qd); };
+  constexpr bool has = requires(const S s, Coordinates<S> q, Velocities<S> qd) {
+    { s.internal_force(q, qd) } -> std::convertible_to<Velocities<S>>;
+  };
   static_assert(
       has || !requires { &S::internal_force; },
       "internal_force must be: Velocities internal_force(const Coordinates& q, const Velocities& qd) const");

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -92,7 +93,11 @@ public:
 
   const Vector3<Scalar>& gravity() const { return gravity_; }  ///< world axes [m/s²]
   const std::vector<Node>& nodes() const { return nodes_; }
-  const Node& node(Index i) const { return nodes_[static_cast<std::size_t>(i)]; }
+  const Node& node(Index i) const
+  {
+    assert(i >= 0 && i < size() && "no such subsystem");
+    return nodes_[static_cast<std::size_t>(i)];
+  }
   /// Subsystems by depth, the deepest first; those of one depth last to first.
   const Array<Index>& deepest_first() const { return deepest_first_; }
   /// How many velocities and motors subsystem i has.
@@ -100,7 +105,13 @@ public:
   Index motors(Index i) const { return (i + 1 < size() ? node(i + 1).u : n_u_) - node(i).u; }
   /// Behind the last of its frames, which begin at Node::frame.
   Index end_of_frames(Index i) const { return i + 1 < size() ? node(i + 1).frame : n_frames(); }
-  const std::string& name(Index i) const { return names_[static_cast<std::size_t>(i)]; }
+  /// Of −1, the subsystem of a status that is about none: "(no subsystem)".
+  const std::string& name(Index i) const
+  {
+    assert(i >= -1 && i < size() && "no such subsystem");
+    static const std::string none = "(no subsystem)";
+    return i < 0 ? none : names_[static_cast<std::size_t>(i)];
+  }
   const Placement<Scalar>& placement(Index i) const { return placements_[static_cast<std::size_t>(i)]; }
   bool placement_turns(Index i) const { return turns_[static_cast<std::size_t>(i)] != 0; }
   /// Whether the axes of the frames of subsystem i are made orthogonal again: at every eighth of a path, but not its

@@ -73,6 +73,7 @@ public:
     }
     check_inertias(robot.warnings);
     for (const auto& [joint, motor] : motors_) { check_motor(joint, model); }
+    warn_of_massless(robot.warnings);
     if (options_.rotors_in_links) { take_out_rotors(); }
     for (const Part& part : parts_) { add(part, robot); }
     for (const auto& [link, seat] : seats_) {
@@ -118,7 +119,8 @@ private:
     if (root.inertial || root.child_joints.size() != 1 || root.child_joints[0]->type != urdf::Joint::FIXED) {
       throw ModelError(
           source_.link(root.name) +
-          ": with Base::floating a root 'world' must be without inertia and hold one link by a fixed joint");
+          ": with Base::floating a root 'world' must be without inertia and hold one link by a fixed joint (a file "
+          "whose world is part of it is for Base::fixed)");
     }
     return root.child_links[0].get();
   }
@@ -213,6 +215,25 @@ private:
       whole.any_moments = true;
       if (!is_sound(whole)) { throw ModelError(flaw); }
       parts_[at(part)].bodies = {whole};
+    }
+  }
+
+  /// Of joints that move no mass: M̄_R is zero there.
+  void warn_of_massless(std::vector<std::string>& warnings) const
+  {
+    std::vector<char> has_mass(parts_.size(), 0);
+    for (std::size_t i = parts_.size(); i-- > 0;) {
+      const Part& part = parts_[i];
+      for (const Body<Scalar>& body : part.bodies) { has_mass[i] |= !body.is_massless; }
+      if (has_mass[i] != 0) {
+        if (part.parent >= 0) { has_mass[at(part.parent)] = 1; }
+        continue;
+      }
+      const auto motor = part.joint != nullptr ? motors_.find(part.joint->name) : motors_.end();
+      if (motor != motors_.end() && motor->second.axial_inertia != Scalar(0)) { continue; }
+      const std::string where = part.joint != nullptr ? source_.joint(part.joint->name) : source_.name;
+      warnings.push_back(where + ": link '" + part.name +
+                         "' and all that hangs on it are without <inertial>: no state of this robot can be computed");
     }
   }
 
