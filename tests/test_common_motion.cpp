@@ -21,7 +21,7 @@ using namespace iim;
 namespace {
 
 using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>, SphericalLink<double>, PlanarLink<double>,
-                       CylindricalLink<double>>;
+                       CylindricalLink<double>, HelicalLink<double>>;
 
 enum class First { ball, plane, along };
 
@@ -162,6 +162,41 @@ TEST_CASE("a light base between two limbs that it moves along in one way")
     }
     CAPTURE(sizeof(float));
     check(worst<float>(one, other, 1e-6));
+  }
+}
+
+TEST_CASE("a screw on a free base, which has no line, beside a ball")
+{
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    test::Random random(seed);
+    Parts parts;
+    parts.add("base", {}, FloatingBase<double>{random.body()});
+    for (const char* name : {"0", "1"}) {
+      Attachment<double> on{"base", random.rotation(), random.vector(0.5)};
+      if (name[0] == '0') {
+        Body<double> heavy = random.body();
+        heavy.mass *= 10;
+        heavy.inertia *= 10;
+        parts.add(name, on, HelicalLink<double>{{random.unit(), 0.1}, heavy});
+      } else {
+        parts.add(name, on, SphericalLink<double>{{}, random.body()});
+      }
+      on = {name, random.rotation(), random.vector(0.5)};
+      parts.add(name + std::string("on"), on, RevoluteLink<double>{{random.unit()}, random.body()});
+    }
+    const DynamicTree tree(parts);
+    const Inputs inputs(tree);
+    Workspace<std::remove_const_t<decltype(tree)>, Update::square_root> ws(tree);
+    Workspace<std::remove_const_t<decltype(tree)>> other_ws(tree);
+    ImplicitInversion method(tree, inputs), other(tree, inputs);
+    test::RandomState state = test::random_state(tree, 0, random);
+    make_balls_unit(tree, state.q, random);
+    const auto one = method(state.q, state.qd, ws);
+    const auto two = other(state.q, state.qd, other_ws);
+    REQUIRE(one.ok());
+    REQUIRE(two.ok());
+    CHECK((one.qdd0 - two.qdd0).norm() < 1e-11 * two.qdd0.norm());
+    CHECK((one.Bhat - two.Bhat).norm() < 1e-11 * two.Bhat.norm());
   }
 }
 

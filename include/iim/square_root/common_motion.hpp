@@ -45,8 +45,12 @@ public:
 
   bool is_known(Index i) const { return basis(i).size > 0; }
 
-  /// Whether subsystem i can always move along V, about the origin of the frame that it hangs on, in its axes.
-  [[gnu::cold]] bool contain(Index i, const Twist& V) const { return is_known(i) && is_small(beyond(basis(i), V), V); }
+  /// Whether subsystem i can always move along V, about the origin of the frame that it hangs on, in its axes. Not along
+  /// none, 0.
+  [[gnu::cold]] bool contain(Index i, const Twist& V) const
+  {
+    return ScalarTraits<Scalar>::is_positive(V.squaredNorm()) && is_known(i) && is_small(beyond(basis(i), V), V);
+  }
 
   /// What two subsystems on one frame can both always move along, as such a V; the first such of several.
   [[gnu::cold]] std::optional<Twist> common(Index one, Index other) const
