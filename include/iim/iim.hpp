@@ -59,5 +59,9 @@ namespace iim {
 template <class Scalar>
 using StandardAssembly = Assembly<RevoluteLink<Scalar>, MotorArm<Scalar>, FloatingBase<Scalar>, PrismaticLink<Scalar>,
                                   FixedLink<Scalar>, LinearMotorArm<Scalar>>;
+/// And such a tree.
+template <class Scalar>
+using StandardTree = DynamicTree<RevoluteLink<Scalar>, MotorArm<Scalar>, FloatingBase<Scalar>, PrismaticLink<Scalar>,
+                                 FixedLink<Scalar>, LinearMotorArm<Scalar>>;
 
 }  // namespace iim
