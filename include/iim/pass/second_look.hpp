@@ -66,7 +66,9 @@ public:
     touched_.reserve(at(tree.n_frames()));
     is_touched_.resize(at(tree.n_frames()), false);
     applied_.resize(at(tree.n_frames()));
-    heavy_ = is_heavier(tree, 128) ? 128 : is_heavier(tree, 16) ? 16 : 0;
+    for (const int times : {16, 32, 128}) {
+      if (is_heavier(tree, times)) { heavy_ = times; }
+    }
     Index most = 0;
     for (const Node& node : tree.nodes()) { most = std::max(most, tree.velocities(node.index)); }
     residual_.allocate(tree.n_frames(), tree.n_v(), most);
@@ -111,13 +113,13 @@ public:
 
   void note_small_pivot(Index subsystem) { small_.push_back(subsystem); }
   /// M̄_R and W of a pivot, `left` of `scale`, are better than A is: by them q̈ is made better, where a body is far
-  /// heavier than one that carries it; if it is 128 times as heavy, whatever is left. (Elsewhere q̈ loses little by
+  /// heavier than one that carries it; if it is 32 times as heavy, whatever is left. (Elsewhere q̈ loses little by
   /// this: links of 1 mm between links of 1 m 20 ε, and by δq̈ 60 more. Arms of seven links under 10 and 100 times their
   /// mass: q̈₀ is off by up to 144 and 870 ε where a pivot is mended and this is not done, by 10 and 20 where it is;
   /// passes take up to 37 % longer.)
   void note_mended_pivot(const Scalar& left, const Scalar& scale)
   {
-    const int least = heavy_ < 128 ? 64 : 4;
+    const int least = heavy_ < 32 ? 64 : 4;
     if (heavy_ > 0 && !ScalarTraits<Scalar>::is_positive(Scalar(least) * left - scale)) { has_mended_ = true; }
   }
   /// wrench: about the frame's coupling point, world axes.
@@ -414,7 +416,7 @@ private:
 
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  int heavy_ = 0;  // 16 or 128: a body is that many times as heavy as one further inward
+  int heavy_ = 0;  // 16, 32 or 128: a body is that many times as heavy as one further inward
   bool has_mended_ = false;
   Array<Index> small_;    // subsystems
   Array<Index> touched_;  // frames that something is applied to
