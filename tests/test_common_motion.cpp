@@ -107,9 +107,12 @@ Errors worst(First one, First other, double lightness)
     test::Random random(seed);
     // Exact in the Scalar and in long double.
     const auto assembly = robot(one, other, lightness, random).template cast<Scalar>().template cast<double>();
-    const DynamicTree tree(assembly.template cast<Scalar>()), exact_tree(assembly.template cast<long double>());
-    const Inputs inputs(tree), exact_inputs(exact_tree);
-    Inputs few(tree, Start::empty), exact_few(exact_tree, Start::empty);
+    const DynamicTree tree(assembly.template cast<Scalar>());
+    const DynamicTree exact_tree(assembly.template cast<long double>());
+    const Inputs inputs(tree);
+    const Inputs exact_inputs(exact_tree);
+    Inputs few(tree, Start::empty);
+    Inputs exact_few(exact_tree, Start::empty);
     few.add_motor("03");
     exact_few.add_motor("03");
     Workspace<std::remove_const_t<decltype(tree)>, Update::square_root> ws(tree);

@@ -70,7 +70,8 @@ double worst(Make&& make)
     test::Random random(seed);
     const Links robot = make(random);
     const auto assembly = robot.cast<Scalar>();
-    const DynamicTree tree(assembly), exact_tree(assembly.template cast<long double>());
+    const DynamicTree tree(assembly);
+    const DynamicTree exact_tree(assembly.template cast<long double>());
     Workspace<std::remove_const_t<decltype(tree)>, Update::square_root> ws(tree);
     Workspace<std::remove_const_t<decltype(exact_tree)>, Update::square_root> exact_ws(exact_tree);
     for (int k = 0; k < 10; ++k) {
