@@ -113,13 +113,13 @@ public:
 
   void note_small_pivot(Index subsystem) { small_.push_back(subsystem); }
   /// M̄_R and W of a pivot, `left` of `scale`, are better than A is: by them q̈ is made better, where a body is far
-  /// heavier than one that carries it; if it is 32 times as heavy, whatever is left. (Elsewhere q̈ loses little by
-  /// this: links of 1 mm between links of 1 m 20 ε, and by δq̈ 60 more. Arms of seven links under 10 and 100 times their
-  /// mass: q̈₀ is off by up to 144 and 870 ε where a pivot is mended and this is not done, by 10 and 20 where it is;
-  /// passes take up to 37 % longer.)
+  /// heavier than one that carries it; if it is 32 times as heavy, of several states 128 times, whatever is left.
+  /// (Elsewhere q̈ loses little by this: links of 1 mm between links of 1 m 20 ε, and by δq̈ 60 more. Arms of seven links
+  /// under 10 and 100 times their mass: q̈₀ is off by up to 144 and 870 ε where a pivot is mended and this is not done,
+  /// by 10 and 20 where it is; passes take up to 37 % longer.)
   void note_mended_pivot(const Scalar& left, const Scalar& scale)
   {
-    const int least = heavy_ < 32 ? 64 : 4;
+    const int least = heavy_ < (bodies_first<Scalar> ? 128 : 32) ? 64 : 4;
     if (heavy_ > 0 && !ScalarTraits<Scalar>::is_positive(Scalar(least) * left - scale)) { has_mended_ = true; }
   }
   /// wrench: about the frame's coupling point, world axes.
