@@ -162,8 +162,10 @@ protected:
       }
       std::array<Lanes, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
       constexpr bool may_share = shares_motion<S, Workspace>;
-      [[maybe_unused]] std::array<Lanes, may_share ? n_i : 1> undone;  // of q̈, against the inlet's rate along S
-      undone.fill(Lanes::Zero());
+      [[maybe_unused]] Lanes undone[may_share && n_i > 1 ? n_i : 1];  // of q̈, against the inlet's rate along S
+      if constexpr (may_share) {
+        for (Lanes& of_velocity : undone) { of_velocity = Lanes::Zero(); }
+      }
       [[maybe_unused]] Lanes slip = Lanes::Zero();
       std::array<Lanes, 6> y;
       y.fill(Lanes::Zero());
@@ -175,7 +177,7 @@ protected:
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
             if constexpr (may_share) {
-              for (int d = 0; d < n_i; ++d) { undone[at(d)] = shared.undone(d) * inlet_rate; }
+              for (int d = 0; d < n_i; ++d) { undone[d] = shared.undone(d) * inlet_rate; }
             }
             slip = shared.slip * inlet_rate;
           }
@@ -188,7 +190,7 @@ protected:
       if constexpr (!is_free<S>()) { moves = l; }
       if constexpr (apart) { store(frames[0] + components * a + rate * lanes, l[0] + slip); }
       if constexpr (may_share) {
-        for (int d = 0; d < n_i; ++d) { l[at(d)] -= undone[at(d)]; }
+        for (int d = 0; d < n_i; ++d) { l[at(d)] -= undone[d]; }
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
       if (!step.hands_on) { return; }

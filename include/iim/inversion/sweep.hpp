@@ -61,7 +61,7 @@ protected:
     constexpr bool apart = one_column<S, Workspace>;
     constexpr bool several = shares_motion<S, Workspace> && !apart;
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
-    [[maybe_unused]] std::array<Lane, std::max(n_i, 1)> shares;
+    [[maybe_unused]] Lane shares[several && n_i > 1 ? n_i : 1];
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
     [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
@@ -124,7 +124,7 @@ protected:
         Lane& sum = along_[at(node.inlet)];
         if constexpr (apart) { sum += share * shared.undone(0) + along_[at(node.frame)] * shared.slip; }
         if constexpr (several) {
-          for (int d = 0; d < n_i; ++d) { sum += shares[at(d)] * shared.undone(d); }
+          for (int d = 0; d < n_i; ++d) { sum += shares[d] * shared.undone(d); }
         }
         unrolled<6>([&](auto c) __attribute__((always_inline)) { sum += p[c] * shared.difference.coeff(c); });
       }
@@ -158,8 +158,11 @@ protected:
     }
     constexpr bool apart = one_column<S, Workspace>;
     // Of q̈, against the inlet's rate along the same motion.
-    [[maybe_unused]] std::array<Lane, std::max(n_i, 1)> undone;
-    undone.fill(zero());
+    constexpr bool shares = shares_motion<S, Workspace>;
+    [[maybe_unused]] Lane undone[shares && n_i > 1 ? n_i : 1];
+    if constexpr (apart || shares || follows_free_axis<S, Workspace>) {
+      for (Lane& of_velocity : undone) { of_velocity = zero(); }
+    }
     [[maybe_unused]] Lane slip = zero();
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
@@ -182,8 +185,8 @@ protected:
           const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
           const Lane& rate = along_[at(node.inlet)];
           unrolled<6>([&](auto c) __attribute__((always_inline)) { y[c] += rate * shared.difference.coeff(c); });
-          if constexpr (shares_motion<S, Workspace>) {
-            for (int d = 0; d < n_i; ++d) { undone[at(d)] = rate * shared.undone(d); }
+          if constexpr (shares) {
+            for (int d = 0; d < n_i; ++d) { undone[d] = rate * shared.undone(d); }
           }
           slip = rate * shared.slip;
         }
@@ -201,8 +204,8 @@ protected:
         if (apart || limb != nullptr) {
           rows_[at(node.v)] -= undone[0];
           row += slip;
-        } else if constexpr (shares_motion<S, Workspace>) {
-          rows_[at(node.v + d)] -= undone[at(d)];
+        } else if constexpr (shares) {
+          rows_[at(node.v + d)] -= undone[d];
         }
       }
       if constexpr (!is_free<S>()) { qdd[d] = row; }

@@ -112,8 +112,12 @@ protected:
     }
     TriplePair<Scalar> y;
     // Of q̈, against the inlet's rate along the same motion.
-    [[maybe_unused]] Velocities<S> undone = Velocities<S>::Zero();
+    constexpr bool shares = shares_motion<S, Data>;
+    [[maybe_unused]] Scalar undone[shares && S::n_i > 1 ? S::n_i : 1];
     [[maybe_unused]] Scalar slip(0);
+    if constexpr (shares) {
+      for (Scalar& of_velocity : undone) { of_velocity = Scalar(0); }
+    }
     if (node.inlet >= 0) {
       y = guidance(node, state, undone, slip);
       if constexpr (scene.velocity) { y.linear += Triple<Scalar>::settled(state.c.data()); }
@@ -129,7 +133,11 @@ protected:
 #pragma GCC unroll 8
     for (int d = 0; d < S::n_i; ++d) {
       qdd(d) = -state.psi(d) - follow(node, state, d, y);
-      ws_.qdd()(node.v + d) = qdd(d) - undone(d);
+      if constexpr (shares) {
+        ws_.qdd()(node.v + d) = qdd(d) - undone[d];
+      } else {
+        ws_.qdd()(node.v + d) = qdd(d);
+      }
       if constexpr (one_column<S, Data>) { qdd(d) += slip; }
     }
 #pragma GCC unroll 2
@@ -201,7 +209,8 @@ private:
   /// X(r) V̇ of the inlet, without what the joint undoes of it.
   template <class S>
   [[gnu::always_inline]] TriplePair<Scalar> guidance(const Node& node, const NodeMemory<S>& state,
-                                                     Velocities<S>& undone, Scalar& slip) const
+                                                     [[maybe_unused]] Scalar* undone,
+                                                     [[maybe_unused]] Scalar& slip) const
   {
     if constexpr (Data::update == Update::square_root) {
       const RootInertia<Scalar>& inlet = ws_.root(node.inlet);
@@ -209,7 +218,9 @@ private:
         const SharedAxis<Scalar>& shared = ws_.shared_axis(node.index);
         TriplePair<Scalar> y = shifted(state.r, inlet.rest);
         y += TriplePair<Scalar>(shared.difference.data()) * inlet.rate;
-        for (int d = 0; d < S::n_i; ++d) { undone(d) = shared.undone(d) * inlet.rate; }
+        if constexpr (shares_motion<S, Data>) {
+          for (int d = 0; d < S::n_i; ++d) { undone[d] = shared.undone(d) * inlet.rate; }
+        }
         slip = shared.slip * inlet.rate;
         return y;
       }
