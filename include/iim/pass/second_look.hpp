@@ -209,20 +209,24 @@ public:
   [[gnu::cold, gnu::noinline]] void refine_root(bool velocity, bool gravity, bool springs, Data& ws)
   {
     take(ws);
-    const auto largest = [&](const auto& of) {
-      Scalar most(0);
-      for (Index v = 0; v < ws.tree().n_v(); ++v) { most = larger(most, magnitude(of(v))); }
-      return most;
+    Scalar all, first, second;                                   // the largest of them
+    const auto are_finite = [&](const auto& of, Scalar& most) {  // near overflow q̈ stays as it is
+      most = Scalar(0);
+      for (Index v = 0; v < ws.tree().n_v(); ++v) {
+        if (!is_finite(of(v))) { return false; }
+        most = larger(most, magnitude(of(v)));
+      }
+      return true;
     };
+    const auto x = [&](Index v) { return residual_.x(v); };
     const auto change = [&](Index v) { return residual_.change(v); };
-    const Scalar all = largest([&](Index v) { return residual_.x(v); });
     residual_.template compute<false>(velocity, gravity, springs, ws, wrenches());
-    const Scalar first = largest(change);
+    if (!are_finite(x, all) || !are_finite(change, first)) { return; }
     const Scalar small = all * (Scalar(heavy_ < 128 ? 1024 : 16) * Eigen::NumTraits<Scalar>::epsilon());
     if (is_below_or_zero(first, small)) { return; }
     residual_.add_change();
     residual_.template compute<false>(velocity, gravity, springs, ws, wrenches());
-    if (is_below_or_zero(largest(change), Scalar(first * Scalar(0.25)))) { put(ws); }
+    if (are_finite(change, second) && is_below_or_zero(second, Scalar(first * Scalar(0.25)))) { put(ws); }
   }
 
   /// After refine: the first of the small pivots in the robot that is wrong.
