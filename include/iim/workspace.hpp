@@ -407,7 +407,9 @@ private:
       });
       bodies.allocate(tree(), detail::mends_several<Data>);
       this->second_look_.allocate(tree());
-      if constexpr (detail::refines_root<Data>) { this->second_look_.leave_light(this->free_axes_, tree()); }
+      if constexpr (detail::refines_root<Data>) {
+        if (detail::outweigh_free<Scalar>(this->free_axes_, tree())) { this->second_look_.leave_heavy(); }
+      }
     }
   }
 

@@ -282,7 +282,7 @@ private:
     const Pair S = part.column(0, 0);
     return {S.linear - cross(S.angular, part.place()), S.angular};
   }
-  /// In square-root form it does not: see SecondLook::leave_light.
+  /// In square-root form it does not: see outweigh_free.
   template <class Data>
   static bool keeps_apart(const FreeAxis<Scalar>& axis)
   {
