@@ -21,9 +21,9 @@ using namespace iim;
 namespace {
 
 using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>, SphericalLink<double>, PlanarLink<double>,
-                       CylindricalLink<double>, HelicalLink<double>>;
+                       CylindricalLink<double>, HelicalLink<double>, UniversalLink<double>>;
 
-enum class First { ball, plane, along };
+enum class First { ball, plane, along, cross };
 
 /// One of the 24 that turn coordinate axes onto each other: exact in every Scalar.
 Matrix3<double> exact_rotation(test::Random& random)
@@ -35,8 +35,9 @@ Matrix3<double> exact_rotation(test::Random& random)
   return R;
 }
 
-/// Two limbs of four joints on a base `lightness` times as heavy as a link; `along` is a cylindrical joint whose axis
-/// is the normal of a plane, or goes through a ball.
+/// Two limbs of four joints on a base `lightness` times as heavy as a link; `along` is a cylindrical joint and
+/// `cross` a universal one whose (first) axis is the normal of a plane, or goes through a ball, or is that of the
+/// other.
 Parts robot(First one, First other, double lightness, test::Random& random)
 {
   Parts assembly;
@@ -51,19 +52,26 @@ Parts robot(First one, First other, double lightness, test::Random& random)
   const Vector3<double> p = random.vector(0.5), axis = R.col(2);
   int limb = 0;
   for (const First first : {one, other}) {
-    const bool apart = one == other && limb > 0;  // two planes meet, two balls lie apart
+    const bool apart = one == other && limb > 0 && one != First::cross;  // two planes meet, two balls lie apart
     on = Attachment<double>{};
     on.parent = "base";
     on.R = R;
     if (apart) { on.R << R.col(1), R.col(2), R.col(0); }
-    on.p = apart ? random.vector(0.5) : Vector3<double>(p + axis * random.uniform(-0.5, 0.5));
+    // (A universal joint with a ball, or another one, at its own centre would let the base turn about its second axis.)
+    const bool crossed = one == First::cross;
+    on.p = apart ? random.vector(0.5)
+                 : Vector3<double>(
+                       p + axis * random.uniform(!crossed || limb > 0 ? -0.5 : 0.1, crossed && limb > 0 ? -0.1 : 0.5));
     const std::string name = std::to_string(limb);
     if (first == First::ball) {
       assembly.add(name, on, SphericalLink<double>{{}, random.body()});
     } else if (first == First::plane) {
       assembly.add(name, on, PlanarLink<double>{{}, random.body()});
-    } else {
+    } else if (first == First::along) {
       assembly.add(name, on, CylindricalLink<double>{{}, random.body()});
+    } else {
+      const Vector3<double> second(0.6, 0.0, 0.8);  // not perpendicular
+      assembly.add(name, on, UniversalLink<double>{{Vector3<double>::UnitZ(), second}, random.body()});
     }
     on = Attachment<double>{};
     on.parent = name;
@@ -157,7 +165,8 @@ TEST_CASE("a light base between two limbs that it moves along in one way")
 {
   for (const auto& [one, other] : {std::pair(First::ball, First::ball), std::pair(First::plane, First::plane),
                                    std::pair(First::ball, First::plane), std::pair(First::along, First::ball),
-                                   std::pair(First::along, First::plane)}) {
+                                   std::pair(First::along, First::plane), std::pair(First::cross, First::cross),
+                                   std::pair(First::cross, First::ball), std::pair(First::cross, First::plane)}) {
     CAPTURE(static_cast<int>(one), static_cast<int>(other));
     for (const double lightness : {1e-2, 1e-6, 1e-9}) {
       CAPTURE(lightness);

@@ -236,16 +236,21 @@ constexpr bool has_own_twist()
   return false;
 }
 
-/// `inlet_twists()`: one frame only; n_i columns that span the twists of the frame against the inlet, about the inlet's
-/// coupling point in its axes, where these are the same in every configuration. Update::square_root keeps from them the
-/// digits of a free base that is much lighter than two limbs which let it move in one way (common_motion.hpp).
+/// `inlet_twists()`: one frame only, n_i > 1; columns, at most n_i, that span the twists which the frame can have
+/// against the inlet in every configuration, about the inlet's coupling point in its axes (of a universal joint, the
+/// first axis alone). Update::square_root keeps from them the digits of a free base that is much lighter than two limbs
+/// which let it move in one way (common_motion.hpp).
 template <class S>
 constexpr bool has_inlet_twists()
 {
   static_assert(
       requires(const S s) { s.inlet_twists(); } || !requires { &S::inlet_twists; },
-      "inlet_twists must be: Eigen::Matrix<Scalar, 6, n_i> inlet_twists() const");
+      "inlet_twists must be: Eigen::Matrix<Scalar, 6, k> inlet_twists() const");
   if constexpr (requires(const S s) { s.inlet_twists(); }) {
+    using Twists = decltype(std::declval<const S&>().inlet_twists());
+    static_assert(Twists::RowsAtCompileTime == 6 && Twists::ColsAtCompileTime >= 1 &&
+                      Twists::ColsAtCompileTime <= S::n_i,
+                  "inlet_twists() has 6 rows and one column for each motion, at most n_i");
     static_assert(S::n_frames == 1 && S::n_i > 1, "inlet_twists() is for one frame with several velocities");
     return rotor_count<S>() + spring_count<S>() == 0;
   }

@@ -1,6 +1,7 @@
 // What two joints of several velocities on one free frame have in common, in every state: of two balls the turn about
 // the line through their centres, of two planes the slide along the line where they meet, of a ball and a plane the
-// turn about the normal through the ball's centre.
+// turn about the normal through the ball's centre, of two universal joints the turn about their first axes if these are
+// one line.
 //
 // Nothing of what limbs pass on through such joints acts along that motion but their loads, as of joints about one line
 // (joint_lines.hpp): a frame far lighter than its limbs moves along it by what acts on its own body alone.
@@ -38,7 +39,7 @@ public:
       const auto twists = s.inlet_twists();
       Basis basis;
       basis.subsystem = node.index;
-      for (int d = 0; d < S::n_i; ++d) { put(placed(twists.col(d), node.index, tree), basis); }
+      for (Index d = 0; d < twists.cols(); ++d) { put(placed(twists.col(d), node.index, tree), basis); }
       known_.push_back(basis);
     }
   }

@@ -151,6 +151,13 @@ struct Universal {
     return true;
   }
 
+  Vector6<Scalar> inlet_twists() const
+  {
+    Vector6<Scalar> V = Vector6<Scalar>::Zero();
+    for (int k = 0; k < 3; ++k) { V(k + 3) = first_.direction(k); }
+    return V;
+  }
+
   template <class T>
   Universal<T> cast() const
   {

@@ -49,7 +49,7 @@ struct RigidLink {
     return joint.own_twist();
   }
 
-  Eigen::Matrix<Scalar, 6, n_i> inlet_twists() const
+  auto inlet_twists() const
     requires requires(const Joint& j) { j.inlet_twists(); }
   {
     return joint.inlet_twists();
