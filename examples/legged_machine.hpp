@@ -120,7 +120,7 @@ std::vector<State> random_states(const Tree& tree, int count)
     Eigen::VectorXd q(tree.n_q()), qd(tree.n_v());
     for (double& x : q) { x = uniform(0.4); }
     for (double& x : qd) { x = uniform(2); }
-    q.segment<4>(3).normalize();
+    iim::normalize(tree, q);
     // Rotors about where their links are.
     tree.outward([&]<class N, class S>(const N& node, const S& s) {
       if constexpr (requires { s.motor.gear_ratio; }) {

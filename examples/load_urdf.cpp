@@ -50,10 +50,7 @@ void run(const std::string& path, iim::Base base)
   iim::Workspace ws(tree);
   iim::ImplicitInversion iwim(tree, inputs);
   const auto dynamics = iwim(q, qd, ws);
-  if (!dynamics.ok()) {
-    const std::string at = dynamics.subsystem >= 0 ? " at '" + tree.name(dynamics.subsystem) + "'" : "";
-    throw iim::ModelError(std::string(to_string(dynamics.status)) + at);
-  }
+  if (!dynamics.ok()) { throw iim::ModelError(describe(dynamics, tree)); }
   const Eigen::IOFormat rows(4, 0, "  ", "\n", "  ");
   std::cout << "q̈₀ =\n" << dynamics.qdd0.format(rows) << "\n\nB̂ =\n" << dynamics.Bhat.format(rows) << "\n";
 }

@@ -65,7 +65,7 @@ std::vector<Eigen::MatrixXd> solve(Assembly robot)
   std::vector<Eigen::MatrixXd> answers;
   const auto add = [&](auto method) {
     const auto dynamics = method(fd);
-    if (!dynamics.ok()) { throw std::runtime_error(to_string(dynamics.status)); }
+    if (!dynamics.ok()) { throw std::runtime_error(describe(dynamics, tree)); }
     answers.emplace_back(tree.n_v(), 1 + inputs.columns());
     answers.back() << dynamics.qdd0, dynamics.Bhat;
   };

@@ -57,7 +57,7 @@ public:
   State rate(const State& x)
   {
     const auto fd = iim::forward_dynamics(x.q, x.qd, ws_);
-    if (!fd.ok()) { throw std::runtime_error(to_string(fd.status())); }
+    if (!fd.ok()) { throw std::runtime_error(describe(fd, *tree_)); }
     State rate{x.q, fd.qdd0()};
     iim::coordinate_rate(*tree_, x.q, x.qd, rate.q);
     return rate;
@@ -70,7 +70,7 @@ public:
     const State c = rate({x.q + h / 2 * b.q, x.qd + h / 2 * b.qd});
     const State d = rate({x.q + h * c.q, x.qd + h * c.qd});
     State next{x.q + h / 6 * (a.q + 2 * b.q + 2 * c.q + d.q), x.qd + h / 6 * (a.qd + 2 * b.qd + 2 * c.qd + d.qd)};
-    next.q.template segment<4>(3).normalize();
+    iim::normalize(*tree_, next.q);
     return next;
   }
 

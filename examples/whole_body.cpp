@@ -84,7 +84,7 @@ int main()
   iim::Workspace ws(tree);
   iim::ImplicitInversion method(tree, inputs);
 
-  Vector q = crouch(tree.n_q());
+  Vector q = crouch(tree.n_q()), rate(tree.n_q());
   Vector qd = Vector::Zero(tree.n_v());
 
   // The ground is where the contact points are to begin with.
@@ -109,9 +109,9 @@ int main()
     inputs.set_active(push, pushed);
 
     const auto dynamics = method(q, qd, ws);
-    const auto rows = tasks(dynamics.fd, dynamics);
+    const auto rows = tasks(dynamics);
     if (!rows.ok()) {
-      std::printf("failed at t = %g s: %s\n", t, to_string(rows.status));
+      std::printf("failed at t = %g s: %s\n", t, describe(rows, tree).c_str());
       return 1;
     }
 
@@ -187,11 +187,9 @@ int main()
     Vector all(inputs.columns());
     all << u.head(motors), f, pushing;
     qd += step * (dynamics.qdd0 + dynamics.Bhat * all);
-    tree.outward([&]<class N, class S>(const N& node, const S& subsystem) {
-      q.segment<S::n_q>(node.q) +=
-          step * iim::coordinate_rate<S>(subsystem, q.segment<S::n_q>(node.q), qd.segment<S::n_i>(node.v));
-    });
-    q.segment<4>(3).normalize();
+    iim::coordinate_rate(tree, q, qd, rate);
+    q += step * rate;
+    iim::normalize(tree, q);
   }
 
   std::printf("\nworst: residual of (4) %.1e, contact points off by %.2e m, torso tilted by %.3f rad,\n"

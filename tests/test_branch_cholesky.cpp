@@ -56,7 +56,7 @@ TEST_CASE("the factorisation is M's, branch-sparse and dense, and solves")
     const test::RandomState state = test::random_state(tree, 0, random);
     Workspace ws(tree);
     REQUIRE(forward_dynamics(state.q, state.qd, ws).ok());
-    detail::EquationsOfMotion<DoubleTree> equations(tree, inputs);
+    detail::SparseEquations<DoubleTree> equations(tree, inputs);
     equations.compute(ws);
     const detail::Limbs limbs(tree);
     const MatrixX<double> M = dense(limbs, equations.M());

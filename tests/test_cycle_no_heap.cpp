@@ -2,6 +2,8 @@
 // Nothing in the cycle allocates, frees or throws, whatever the method: trees read at run time.
 #include "cycle.hpp"
 
+#include <iim/equations_of_motion.hpp>
+
 #include <cstdlib>
 #include <type_traits>
 
@@ -65,6 +67,11 @@ TEST_CASE("nothing allocates or throws in the cycle")
   check_workspace_methods(tree, inputs, ws);
   check_method<UnitForce<Tree, 1>>("unit forces one by one", tree, inputs, ws, ToReceipt{});
   check_method<GlobalInverse<Tree, Factorization::dense>>("global inverse, dense", tree, inputs, ws, ToReceipt{});
+  EquationsOfMotion equations(tree, inputs);
+  const VectorX<double> at = neutral(tree), rate = VectorX<double>::Ones(tree.n_v());
+  Status status = Status::mismatch;
+  in_cycle("equations of motion", [&] { status = equations(at, rate, ws).status; });
+  CHECK(status == Status::ok);
   check_method<UnitForcePublished<Tree>>(
       "unit forces as published", tree, inputs, ws,
       [](auto& method, const auto& fd, const auto& q, const auto& qd) { return method(fd, q, qd); });

@@ -1,8 +1,8 @@
 // PROGRAM: tests_methods
 // M, h and B of random robots against energy, power and differences of positions, which share no formula with them.
 // In long double, where a difference quotient leaves 13 digits.
+#include <iim/equations_of_motion.hpp>
 #include <iim/iim.hpp>
-#include <iim/mass_matrix/equations_of_motion.hpp>
 
 #include "catch.hpp"
 #include "random_tree.hpp"
@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdint>
 #include <iostream>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -33,20 +34,6 @@ constexpr int robots = 40;
 /// at δ = ε^(1/3). Third derivatives are first ones times the square of angular velocities, here of some rad/s: 20.
 const Real delta = std::cbrt(Eigen::NumTraits<Real>::epsilon());
 const Real tolerance = 20 * delta * delta;
-
-/// M from its rows by path position, symmetric.
-MatrixX<Real> dense(const detail::Limbs& limbs, const MatrixX<Real>& rows)
-{
-  const Index n = limbs.n_v();
-  MatrixX<Real> M = MatrixX<Real>::Zero(n, n);
-  for (Index v = 0; v < n; ++v) {
-    const Index limb = limbs.limb_of_velocity(v);
-    limbs.for_each_run(limb, 0, limbs[limb].begin + (v - limbs[limb].v) + 1, [&](Index a, Index first, Index count) {
-      for (Index k = 0; k < count; ++k) { M(v, first + k) = M(first + k, v) = rows(a + k, v); }
-    });
-  }
-  return M;
-}
 
 /// A robot in long double with its inputs and a state.
 struct Setting {
@@ -207,32 +194,24 @@ TEST_CASE("M is the kinetic energy, h the power of gravity and the rate of M")
     CAPTURE(seed);
     const Setting s(seed);
     if (s.tree.n_v() == 0) { continue; }
-    const detail::Limbs limbs(s.tree);
     Workspace ws(s.tree);
-    const auto M_at = [&](const Vector& q) {
-      detail::EquationsOfMotion<Tree> equations(s.tree, s.inputs);
-      kinematics(q, s.qd, ws);
-      equations.compute(ws);
-      return dense(limbs, equations.M());
-    };
+    EquationsOfMotion equations(s.tree, s.inputs);
+    const auto M_at = [&](const Vector& q) { return MatrixX<Real>(equations(q, s.qd, ws).M); };
     const MatrixX<Real> M = M_at(s.q);
     const Mechanics seen = mechanics(s);
     const Real kinetic = s.qd.dot(M * s.qd) / 2;
     keep_worst(worst_energy, std::abs(kinetic - seen.kinetic) / seen.kinetic);
 
     // q̇ = 0 in the pass: h is gravity alone, and its power on q̇ is minus that of the weights.
-    detail::EquationsOfMotion<Tree, Scene{.velocity = false}> at_rest(s.tree, s.inputs);
-    kinematics<Scene{.velocity = false}>(s.q, s.qd, ws);
-    at_rest.compute(ws);
+    EquationsOfMotion<Tree, Scene{.velocity = false}> at_rest(s.tree, s.inputs);
+    const auto resting = at_rest(s.q, s.qd, ws);
     Real weight = 0;
     for (Index f = 0; f < s.tree.n_frames(); ++f) { weight += s.tree.frame_mass(f).mass * s.tree.gravity().norm(); }
-    keep_worst(worst_gravity, std::abs(at_rest.h().dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
+    keep_worst(worst_gravity, std::abs(resting.h.dot(s.qd) + seen.gravity_power) / (weight * s.qd.norm()));
 
     // In free fall q̇ᵀM q̇ is constant: q̇ᵀh = ½ q̇ᵀṀq̇.
-    detail::EquationsOfMotion<Tree, Scene{.gravity = false}> falling(s.tree, s.inputs);
-    kinematics<Scene{.gravity = false}>(s.q, s.qd, ws);
-    falling.compute(ws);
-    const Vector h = falling.h();
+    EquationsOfMotion<Tree, Scene{.gravity = false}> falling(s.tree, s.inputs);
+    const Vector h = falling(s.q, s.qd, ws).h;
     const MatrixX<Real> rate =
         (M_at(moved(s.tree, s.q, s.qd, delta)) - M_at(moved(s.tree, s.q, s.qd, -delta))) / (2 * delta);
     const Real scale = s.qd.squaredNorm() * s.qd.norm() * M.norm();
@@ -253,19 +232,12 @@ TEST_CASE("B is the power of the inputs")
     CAPTURE(seed);
     const Setting s(seed);
     if (s.tree.n_v() == 0) { continue; }
-    const detail::Limbs limbs(s.tree);
     Workspace ws(s.tree);
-    kinematics(s.q, s.qd, ws);
-    detail::InputMatrix<Tree> B(s.tree, s.inputs);
-    B.compute(ws);
-    REQUIRE(B.size() == s.inputs.columns());
-    Vector power = Vector::Zero(B.size());  // of a unit of every input
-    for (Index j = 0; j < B.size(); ++j) {
-      const auto& column = B.column(j);
-      limbs.for_each_run(limbs.limb_of(column.subsystem), column.begin, column.end, [&](Index a, Index v, Index count) {
-        for (Index k = 0; k < count; ++k) { power(column.bhat) += B.entries(j)[a + k] * s.qd(v + k); }
-      });
-    }
+    EquationsOfMotion equations(s.tree, s.inputs);
+    const auto result = equations(forward_dynamics(s.q, s.qd, ws));
+    REQUIRE(result.ok());
+    REQUIRE(result.B.cols() == s.inputs.columns());
+    const Vector power = result.B.transpose() * s.qd;  // of a unit of every input
     const Pose before = pose(s.tree, moved(s.tree, s.q, s.qd, -delta));
     const Pose after = pose(s.tree, moved(s.tree, s.q, s.qd, delta));
     const Pose now = pose(s.tree, s.q);
@@ -293,6 +265,39 @@ TEST_CASE("B is the power of the inputs")
   std::cout << columns << " columns; largest difference of a power " << worst << '\n';
   CHECK(columns > 300);
   CHECK(worst < tolerance);
+}
+
+TEST_CASE("M q̈₀ + h = 0 and M B̂ = B, and what fails is a status")
+{
+  Real worst = 0;
+  for (std::uint64_t seed = first_seed; seed < first_seed + robots; ++seed) {
+    CAPTURE(seed);
+    Setting s(seed);
+    if (s.tree.n_v() == 0) { continue; }
+    for (Index id = 0; id < s.inputs.blocks(); id += 3) { s.inputs.set_active(id, false); }
+    Workspace ws(s.tree);
+    EquationsOfMotion equations(s.tree, s.inputs);
+    ImplicitInversion method(s.tree, s.inputs);
+    const auto dynamics = method(s.q, s.qd, ws);
+    const auto result = equations(dynamics.fd);
+    REQUIRE(dynamics.ok());
+    REQUIRE(result.ok());
+    CHECK(result.M == result.M.transpose());
+    REQUIRE(result.B.cols() == s.inputs.columns());
+    keep_worst(worst, (result.M * dynamics.qdd0 + result.h).norm() / (result.M.norm() * dynamics.qdd0.norm()));
+    keep_worst(worst,
+               (result.M * dynamics.Bhat - result.B).norm() / (result.M.norm() * dynamics.Bhat.norm() + 1e-4000L));
+
+    Vector q = s.q;
+    q(s.tree.n_q() - 1) = std::numeric_limits<Real>::infinity();
+    const auto failed = equations(q, s.qd, ws);
+    CHECK(failed.status == Status::invalid_state);
+    CHECK(failed.M.array().isNaN().all());
+    CHECK(failed.h.array().isNaN().all());
+    CHECK(failed.B.array().isNaN().all());
+  }
+  std::cout << "largest residual " << worst << '\n';
+  CHECK(worst < 1000 * Eigen::NumTraits<Real>::epsilon());
 }
 
 }  // namespace test_equations_of_motion

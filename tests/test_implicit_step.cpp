@@ -2,6 +2,7 @@
 // The linearly implicit step: against M + h C + h² K put together densely, with every update and method.
 #include "catch.hpp"
 
+#include <iim/equations_of_motion.hpp>
 #include <iim/global_inverse.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/subsystem/elastic_motor_arm.hpp>
@@ -140,6 +141,10 @@ void check_update(double bound)
     UnitForce on_workspace(tree, inputs);
     RecursiveInverse recursive(tree, inputs);
     GlobalInverse<Tree, Factorization::branch_sparse, implicit> global(tree, inputs);
+    EquationsOfMotion<Tree, implicit> equations(tree, inputs);
+    const auto of_step = equations(fd);
+    CHECK(apart(of_step.M.llt().solve(of_step.B), expected.Bhat) < bound);
+    CHECK(apart(of_step.M.llt().solve(-of_step.h), expected.qdd0) < bound);
     UnitForcePublished<Tree, update, implicit> published(tree, inputs);
     CHECK(apart(on_workspace(fd).Bhat, expected.Bhat) < bound);
     CHECK(apart(recursive(fd).Bhat, expected.Bhat) < bound);

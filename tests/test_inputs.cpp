@@ -6,6 +6,7 @@
 #include <iim/task.hpp>
 
 #include <limits>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -207,6 +208,48 @@ TEST_CASE("in neutral coordinates every part is in its reference position", "[in
   Workspace ws(tree);
   REQUIRE(forward_dynamics(q, Eigen::VectorXd::Zero(tree.n_v()), ws).ok());
   for (Index frame = 0; frame < tree.n_frames(); ++frame) { CHECK(ws.frame(frame).R == Eigen::Matrix3d::Identity()); }
+}
+
+TEST_CASE("of coordinates, only quaternions are made unit", "[inputs]")
+{
+  const Tree tree = robot();
+  Eigen::VectorXd q(tree.n_q());
+  q << 1, 2, 3, 0, 3, 0, 4, 5, 6;
+  const Eigen::VectorXd expected = (Eigen::VectorXd(9) << 1, 2, 3, 0, 0.6, 0, 0.8, 5, 6).finished();
+  normalize(tree, q);
+  CHECK((q - expected).norm() < 4 * eps);
+  Eigen::MatrixXd columns(tree.n_q(), 2);
+  columns << q, 2 * expected;
+  normalize(tree, columns.col(1));
+  CHECK(columns(6, 1) == expected(6));
+  CHECK(columns(7, 1) == 10);
+}
+
+TEST_CASE("the block of a motor, by name", "[inputs]")
+{
+  const Tree tree = robot();
+  Inputs<Tree> inputs(tree);
+  inputs.add_force("hand");
+  CHECK(inputs.block(inputs.motor("arm")).name == "arm");
+  CHECK(inputs.column(inputs.motor("hand")) == 1);
+  CHECK_THROWS_AS(inputs.motor("base"), ModelError);  // has none
+  CHECK_THROWS_AS(inputs.motor("tip"), ModelError);
+}
+
+TEST_CASE("what a status is about, in words", "[inputs]")
+{
+  const Tree tree = robot();
+  const Inputs<Tree> inputs(tree);
+  Workspace ws(tree);
+  ImplicitInversion method(tree, inputs);
+  Eigen::VectorXd q = neutral(tree);
+  const Eigen::VectorXd qd = Eigen::VectorXd::Zero(tree.n_v());
+  CHECK(describe(method(q, qd, ws), tree) == "ok");
+  q(tree.node(tree.index("hand")).q) = std::numeric_limits<double>::infinity();
+  const auto fd = forward_dynamics(q, qd, ws);
+  CHECK(describe(fd, tree).find("invalid state (") == 0);
+  CHECK(describe(fd, tree).find("): subsystem 'hand'") != std::string::npos);
+  CHECK(describe(method(fd), tree) == describe(fd, tree));
 }
 
 }  // namespace test_inputs

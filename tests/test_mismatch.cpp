@@ -3,6 +3,7 @@
 #include "catch.hpp"
 #include "random_tree.hpp"
 
+#include <iim/equations_of_motion.hpp>
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>
 #include <iim/models.hpp>
@@ -86,6 +87,21 @@ void for_each_method(Robot& robot, F&& f)
 
 }  // namespace
 
+TEST_CASE("M⁻¹ of a state without a result is NaN, and that of the next is not")
+{
+  StandardAssembly<double> assembly = robot(1);
+  assembly.add("beside", {}, RevoluteLink<double>{{}, {1, Vector3<double>::UnitX(), Matrix3<double>::Identity()}});
+  Robot a{Tree(assembly)};
+  RecursiveInverse recursive(a.tree, a.inputs);
+  CHECK(recursive(a.pass()).ok());
+  const Eigen::MatrixXd before = recursive.Minv();
+  CHECK(before.allFinite());
+  CHECK(!recursive(forward_dynamics(a.state.q.head(1), a.state.qd, a.ws)).ok());
+  CHECK(recursive.Minv().array().isNaN().all());
+  CHECK(recursive(a.pass()).ok());
+  CHECK(recursive.Minv() == before);
+}
+
 TEST_CASE("a receipt of another robot, or from before the workspace's last use")
 {
   Robot a{Tree(robot(1))}, b{Tree(robot(2))};
@@ -153,6 +169,11 @@ TEST_CASE("a receipt of another Scene, for a method that computes terms of it")
   CHECK(is_mismatch(global(a.implicit())));
   CHECK(global_in_step(a.implicit()).ok());
   CHECK(is_mismatch(global_in_step(a.pass())));
+  EquationsOfMotion<Tree> equations(a.tree, a.inputs);
+  EquationsOfMotion<Tree, in_step> equations_in_step(a.tree, a.inputs);
+  CHECK(is_mismatch(equations(a.implicit())));
+  CHECK(equations(a.pass()).ok());
+  CHECK(equations_in_step(a.implicit()).ok());
   UnitForcePublished<Tree> published(a.tree, a.inputs);
   CHECK(is_mismatch(published(a.implicit(), a.state.q, a.state.qd)));
   Tasks<Tree> tasks(a.tree, a.inputs);
@@ -210,8 +231,10 @@ TEST_CASE("inputs of another robot, and inputs that were added too late")
   CHECK_THROWS_AS(UnitForcePublished(a.tree, b.inputs), ModelError);
   CHECK_THROWS_AS(RecursiveInverse(a.tree, b.inputs), ModelError);
   CHECK_THROWS_AS(GlobalInverse(a.tree, b.inputs), ModelError);
+  CHECK_THROWS_AS(EquationsOfMotion(a.tree, b.inputs), ModelError);
   CHECK_THROWS_AS(Tasks(a.tree, b.inputs), ModelError);
   ImplicitInversion before(a.tree, a.inputs);
+  EquationsOfMotion equations(a.tree, a.inputs);
   Tasks tasks(a.tree, a.inputs);
   tasks.add_point("hand");
   const Index columns = a.inputs.columns();
@@ -221,6 +244,7 @@ TEST_CASE("inputs of another robot, and inputs that were added too late")
     CHECK(is_mismatch(late));
     CHECK(late.Bhat.cols() == columns);
     CHECK(is_mismatch(before(a.state.q, a.state.qd, a.ws)));
+    CHECK(is_mismatch(equations(a.state.q, a.state.qd, a.ws)));
   });
   ImplicitInversion after(a.tree, a.inputs);
   const auto fd = a.pass();
@@ -283,6 +307,18 @@ TEST_CASE("several states: sizes of q, q̇ and u, and inputs that were added too
   CHECK(several.accelerations(q, qd, Eigen::MatrixXd::Zero(m + 99, count), qdd, outcomes) == count);
   CHECK(several.accelerations(q, qd, u.leftCols(1), qdd, outcomes) == count);
   CHECK(outcomes == std::vector<Outcome>(count, {Status::mismatch, -1}));
+
+  // Nothing is written beyond what is too small.
+  Eigen::MatrixXd few(n, count - 1), narrow(n * (m - 3), count);
+  std::vector<Outcome> some(count - 1);
+  CHECK(several.evaluate(q, qd, few, Bhat, outcomes) == count);
+  CHECK(several.evaluate(q, qd, qdd, narrow, outcomes) == count);
+  CHECK(several.evaluate(q, qd, qdd, Bhat, some) == count);
+  CHECK(several.accelerations(q, qd, u, few, outcomes) == count);
+  CHECK(several.accelerations(q, qd, u, qdd, some) == count);
+  CHECK(few.array().isNaN().all());
+  CHECK(narrow.array().isNaN().all());
+  CHECK(some == std::vector<Outcome>(count - 1, {Status::mismatch, -1}));
   CHECK(several.accelerations(q, qd, u, qdd, outcomes) == 0);
   REQUIRE(several.evaluate(q, qd, qdd, Bhat, outcomes) == 0);
   a.inputs.add_wrench("hand");
@@ -299,6 +335,11 @@ TEST_CASE("tasks of one robot, and another's B̂")
   const auto dynamics = method(fd);
   CHECK(tasks(fd, dynamics).ok());
   CHECK(none(fd, dynamics).ok());
+  const auto at_once = method(a.state.q, a.state.qd, a.ws);
+  CHECK(tasks(at_once).ok());
+  CHECK(tasks(at_once).JB == tasks(at_once.fd, at_once).JB);
+  tasks.set_active(7, false);  // none of its blocks
+  CHECK(tasks.rows() == 3);
   const Tree small(models::chain<double>(2));
   const Inputs<Tree> inputs(small);
   Workspace<Tree> ws(small);
@@ -306,7 +347,9 @@ TEST_CASE("tasks of one robot, and another's B̂")
   const Eigen::VectorXd q = Eigen::VectorXd::Ones(2);
   const auto theirs = other(q, q, ws);
   REQUIRE(theirs.ok());
-  CHECK(is_mismatch(tasks(fd, theirs)));
+  CHECK(tasks.placement(0).p.allFinite());
+  CHECK(is_mismatch(tasks(at_once.fd, theirs)));
+  CHECK(tasks.placement(0).p.array().isNaN().all());
 }
 
 TEST_CASE("several states of an assembly with frames on frames, which are multiplied out")

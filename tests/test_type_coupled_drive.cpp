@@ -112,6 +112,13 @@ TEST_CASE("Belt and differential transmissions turn what they should")
   CHECK_THROWS_WITH(DynamicTree(parts),
                     Catch::Matchers::ContainsSubstring("hip") && Catch::Matchers::ContainsSubstring("frame 2"));
 
+  Drive idle = random_drive(random);
+  idle.mechanism.transmission.row(1).setZero();
+  Assembly<Drive> without_work;
+  without_work.add("hip", {}, idle);
+  CHECK_THROWS_WITH(DynamicTree(without_work),
+                    Catch::Matchers::ContainsSubstring("'hip': rotor 1 turns with no joint"));
+
   Drive needle = random_drive(random);
   needle.mechanism.motor[1].mass = 1;
   needle.mechanism.motor[1].axial_inertia = 3;

@@ -287,4 +287,9 @@ TEST_CASE("Joints refuse what they cannot be")
   coordinate_rate(tree, neutral(tree), omega, rates.col(1));
   CHECK(rates.col(0).isZero(0));
   CHECK(rates.col(1) == expected);
+
+  Eigen::VectorXd stretched(4);
+  stretched << 0, 0, 3, 4;
+  normalize(tree, stretched);
+  CHECK((stretched - Eigen::Vector4d(0, 0, 0.6, 0.8)).norm() < 1e-15);
 }

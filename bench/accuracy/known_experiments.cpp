@@ -7,9 +7,9 @@
 // simulation, Int. J. Robotics Research 16(6), 1997: composites with Cholesky cancel where articulated bodies do not,
 // and an integrator with adaptive steps pays for it with smaller steps.
 #include "../common/table.hpp"
-#include "mass_matrix.hpp"
 #include "report.hpp"
 
+#include <iim/equations_of_motion.hpp>
 #include <iim/global_inverse.hpp>
 #include <iim/recursive_inverse.hpp>
 
@@ -82,7 +82,7 @@ double condition_number(const Parts& parts, const std::function<double(Index)>& 
   const iim::Inputs<Tree<double>> inputs(tree, iim::Start::empty);
   iim::Workspace<Tree<double>, iim::Update::square_root> workspace(tree);
   iim::RecursiveInverse<Tree<double>> inverse(tree, inputs);
-  MassMatrix<double> mass_matrix(tree, inputs);
+  iim::EquationsOfMotion equations(tree, inputs);
   Eigen::VectorXd q = Eigen::VectorXd::Zero(tree.n_q());
   tree.outward([&]<class N, class S>(const N& node, const S&) {
     if constexpr (S::n_i == 6) {
@@ -91,9 +91,9 @@ double condition_number(const Parts& parts, const std::function<double(Index)>& 
       q(node.q) = angle(node.index);
     }
   });
-  const auto result = inverse(iim::forward_dynamics(q, Eigen::VectorXd::Zero(tree.n_v()), workspace));
-  if (!result.ok()) { return std::numeric_limits<double>::quiet_NaN(); }
-  return largest_eigenvalue(mass_matrix.M(workspace)) * largest_eigenvalue(Eigen::MatrixXd(inverse.Minv()));
+  const auto fd = iim::forward_dynamics(q, Eigen::VectorXd::Zero(tree.n_v()), workspace);
+  if (!inverse(fd).ok()) { return std::numeric_limits<double>::quiet_NaN(); }
+  return largest_eigenvalue(equations(fd).M) * largest_eigenvalue(Eigen::MatrixXd(inverse.Minv()));
 }
 
 std::vector<Figure> featherstone(bool quick, Report& report)

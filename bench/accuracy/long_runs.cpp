@@ -1,8 +1,9 @@
 // PART OF: iim_accuracy
 // Energy and momentum of free mechanisms over many steps of the classical Runge–Kutta method.
 #include "../common/table.hpp"
-#include "mass_matrix.hpp"
 #include "report.hpp"
+
+#include <iim/equations_of_motion.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -49,7 +50,7 @@ class Balance {
 public:
   explicit Balance(const Parts& parts)
       : tree_(parts.cast<long double>()), inputs_(tree_, iim::Start::empty), workspace_(tree_),
-        mass_matrix_(tree_, inputs_)
+        equations_(tree_, inputs_)
   {
   }
   Balance(const Balance&) = delete;
@@ -57,8 +58,7 @@ public:
 
   Conserved operator()(const State<long double>& x)
   {
-    iim::forward_dynamics(x.q, x.qd, workspace_);
-    const iim::VectorX<long double> p = mass_matrix_.M(workspace_) * x.qd;
+    const iim::VectorX<long double> p = equations_(x.q, x.qd, workspace_).M * x.qd;
     const iim::Matrix3<long double>& R = workspace_.frame(0).R;
     Conserved c;
     c.energy = p.dot(x.qd) / 2;
@@ -72,7 +72,7 @@ private:
   const Tree<long double> tree_;
   iim::Inputs<Tree<long double>> inputs_;
   iim::Workspace<Tree<long double>, iim::Update::square_root> workspace_;
-  MassMatrix<long double> mass_matrix_;
+  iim::EquationsOfMotion<Tree<long double>> equations_;
 };
 
 /// Kahan's sum: the state itself keeps its digits when small steps are added, so that what drifts is the dynamics.

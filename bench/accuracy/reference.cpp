@@ -3,9 +3,9 @@
 // The reference in 80 digits, what errors are scaled by, and what one ε of double in the data does to the result.
 #include "../common/table.hpp"
 #include "digits.hpp"
-#include "mass_matrix.hpp"
 #include "perturbed.hpp"
 
+#include <iim/equations_of_motion.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/unit_force.hpp>
 
@@ -50,7 +50,7 @@ class Exact {
 public:
   Exact(const AccuracyScene& scene, const Parts& parts)
       : tree(parts), inputs(accuracy_inputs(scene, tree)), none_(tree, iim::Start::empty), workspace_(tree),
-        unit_force_(tree, inputs), inverse_(tree, none_), mass_matrix_(tree, inputs)
+        unit_force_(tree, inputs), inverse_(tree, none_), equations_(tree, inputs)
   {
   }
   Exact(const Exact&) = delete;
@@ -58,9 +58,8 @@ public:
 
   auto operator()(const State<Digits>& x) { return unit_force_(iim::forward_dynamics(x.q, x.qd, workspace_)); }
 
-  /// Of the state of the last call.
-  Matrix M() { return mass_matrix_.M(workspace_); }
-  Matrix B() const { return mass_matrix_.B(); }  ///< after M()
+  /// Good until its next use.
+  iim::MotionEquations<Digits> equations(const State<Digits>& x) { return equations_(x.q, x.qd, workspace_); }
 
   Matrix Minv(const State<Digits>& x)
   {
@@ -76,7 +75,7 @@ private:
   iim::Workspace<DigitsTree, iim::Update::printed> workspace_;
   iim::UnitForce<DigitsTree> unit_force_;
   iim::RecursiveInverse<DigitsTree> inverse_;
-  MassMatrix<Digits> mass_matrix_;
+  iim::EquationsOfMotion<DigitsTree> equations_;
 };
 
 double relative(const Matrix& a, const Matrix& b)
@@ -115,7 +114,8 @@ AccuracyReference accuracy_reference(const AccuracyScene& scene)
       reference.failure = "beyond double";
       return reference;
     }
-    const ExactState values{result.qdd0, result.Bhat, exact.M(), exact.B()};
+    const auto equations = exact.equations(x);
+    const ExactState values{result.qdd0, result.Bhat, equations.M, equations.B};
     if (k == 0 && exact.tree.n_v() <= 64) {
       const double apart = apart_from_the_paper(scene, parts, x, values);
       // 80 digits less those that the worst mass matrix of the scenes, of condition 10²⁶, costs.

@@ -91,7 +91,7 @@ public:
   template <class T>
   auto cast() const
   {
-    Assembly<decltype(std::declval<const S&>().template cast<T>())...> other;
+    Assembly<typename detail::InScalar<S, T>::Type...> other;
     other.set_gravity(gravity_.template cast<T>());
     const auto cast_attachment = [](const Attachment<Scalar>& on) {
       return Attachment<T>{on.parent, on.R.template cast<T>(), on.p.template cast<T>(), on.outlet};

@@ -33,6 +33,15 @@ Acceleration<typename Workspace::Scalar> run_pass(const Q& q, const V& qd, const
   return pass.acceleration();
 }
 
+/// The first loop of the pass alone: the receipt is for methods that need M̄*, W and q̈₀ of no subsystem.
+template <Scene scene, class Workspace, class Q, class V>
+ForwardDynamics<Workspace> run_kinematics(const Q& q, const V& qd, Workspace& workspace)
+{
+  ForwardPass<scene, Workspace> pass(workspace);
+  if (pass.fits(q, qd)) { kinematics<scene>(q, qd, workspace, pass.diagnosis()); }
+  return pass.receipt();
+}
+
 /// The same scene with springs at the end of the step.
 constexpr Scene implicit(Scene scene)
 {

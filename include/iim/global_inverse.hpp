@@ -9,8 +9,6 @@
 #include <iim/inversion/branches.hpp>
 #include <iim/mass_matrix/branch_cholesky.hpp>
 #include <iim/mass_matrix/equations_of_motion.hpp>
-#include <iim/pass/forward_pass.hpp>
-#include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/workspace.hpp>
 
@@ -61,11 +59,7 @@ public:
   AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                     Workspace& workspace) &
   {
-    detail::ForwardPass<scene, Workspace> pass(workspace);
-    if (pass.fits(q.derived(), qd.derived())) {
-      detail::kinematics<scene>(q.derived(), qd.derived(), workspace, pass.diagnosis());
-    }
-    const ForwardDynamics<Workspace> fd = pass.receipt();
+    const ForwardDynamics<Workspace> fd = detail::run_kinematics<scene>(q.derived(), qd.derived(), workspace);
     return compute(workspace, fd.status_on(*tree_), fd.subsystem());
   }
 
@@ -80,7 +74,10 @@ private:
     status = result_.status_on(B.inputs(), status);
     if (status != Status::ok) { return result_.result(m, status, subsystem); }
     equations_.compute(ws);
-    if constexpr (factorization == Factorization::dense) { expand(); }
+    if constexpr (factorization == Factorization::dense) {
+      dense_.setZero();
+      equations_.put_upper(limbs_, dense_);
+    }
     const Index failed = cholesky_.factorise(matrix());
     if (failed >= 0) {
       const bool finite = detail::is_finite(matrix()(position(failed), failed));
@@ -151,26 +148,7 @@ private:
     }
   }
 
-  /// M with its zeros.
-  void expand()
-  {
-    const MatrixX<Scalar>& M = equations_.M();
-    dense_.setZero();
-    for (Index v = 0; v < tree_->n_v(); ++v) {
-      const Index limb = limbs_.limb_of_velocity(v);
-      limbs_.for_each_run(limb, 0, path_position(v) + 1, [&](Index a, Index first, Index count) {
-        std::copy(M.data() + v * M.rows() + a, M.data() + v * M.rows() + a + count,
-                  dense_.data() + v * dense_.rows() + first);
-      });
-    }
-  }
-
-  Index path_position(Index v) const
-  {
-    const detail::Limb& limb = limbs_[limbs_.limb_of_velocity(v)];
-    return limb.begin + (v - limb.v);
-  }
-  Index position(Index v) const { return factorization == Factorization::dense ? v : path_position(v); }
+  Index position(Index v) const { return factorization == Factorization::dense ? v : limbs_.path_position(v); }
 
   /// Subsystem that a velocity belongs to.
   Index owner(Index v) const
@@ -182,7 +160,7 @@ private:
 
   const Tree* tree_;
   detail::Limbs limbs_;
-  detail::EquationsOfMotion<Tree, scene> equations_;
+  detail::SparseEquations<Tree, scene> equations_;
   detail::BranchCholesky<Scalar> cholesky_;
   MatrixX<Scalar> dense_;
   VectorX<Scalar> X_;  // n_v × width, right-hand sides side by side

@@ -71,6 +71,15 @@ public:
     return append(input);
   }
 
+  /// The block of a subsystem's motor inputs. Throws ModelError if they are no inputs.
+  Id motor(const std::string& subsystem) const
+  {
+    for (Id id = 0; id < blocks(); ++id) {
+      if (block(id).kind == InputKind::motor && block(id).name == subsystem) { return id; }
+    }
+    throw ModelError("the motor of subsystem '" + subsystem + "' is none of the inputs");
+  }
+
   /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such
   /// frame, it is one of the world's own (columns on a FixedLink that the world carries are zero), or the point is not
   /// finite.

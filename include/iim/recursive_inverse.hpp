@@ -24,6 +24,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <limits>
 
 namespace iim {
 
@@ -55,7 +56,13 @@ public:
   {
     const Index m = B_.inputs().columns();
     const Status status = result_.status_on(B_.inputs(), fd.status_on(*tree_));
-    if (status != Status::ok) { return result_.result(m, status, fd.subsystem()); }
+    if (status != Status::ok) {
+      Minv_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      is_known_ = false;
+      return result_.result(m, status, fd.subsystem());
+    }
+    if (!is_known_) { Minv_.setZero(); }  // between what hangs on the world apart it stays so
+    is_known_ = true;
     result_.qdd0() = fd.qdd0();
     inward(fd.workspace());
     outward(fd.workspace());
@@ -66,7 +73,7 @@ public:
     return result_.result(m, finite ? Status::ok : Status::not_finite, -1);
   }
 
-  /// M⁻¹ of the last call, n_v × n_v.
+  /// M⁻¹ of the last call, n_v × n_v; NaN if its receipt was not ok.
   auto Minv() const { return Minv_.topRows(tree_->n_v()); }
 
 private:
@@ -297,6 +304,7 @@ private:
   detail::Array<Index> root_end_;  // of a subsystem: first velocity after its root tree
   MatrixX<Scalar> Minv_;           // column i: row i of M⁻¹, which is symmetric
   detail::ResultMemory<Scalar> result_;
+  bool is_known_ = true;
 };
 
 }  // namespace iim

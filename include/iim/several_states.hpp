@@ -51,12 +51,12 @@ template <class Tree, class Scalar>
 struct TreeIn;
 template <class... S, class Scalar>
 struct TreeIn<DynamicTree<S...>, Scalar> {
-  using Type = DynamicTree<decltype(std::declval<const S&>().template cast<Scalar>())...>;
+  using Type = DynamicTree<typename InScalar<S, Scalar>::Type...>;
 };
 template <class... Nodes, class Scalar>
 struct TreeIn<StaticTree<Nodes...>, Scalar> {
   template <class N>
-  using In = On<N::parent, decltype(std::declval<const typename N::Subsystem&>().template cast<Scalar>()), N::outlet>;
+  using In = On<N::parent, typename InScalar<typename N::Subsystem, Scalar>::Type, N::outlet>;
   using Type = StaticTree<In<Nodes>...>;
 };
 
@@ -191,15 +191,18 @@ public:
   Index evaluate(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, MatrixX<Scalar>& qdd0,
                  MatrixX<Scalar>& Bhat, std::span<Outcome> outcomes)
   {
-    const Index n = tree().n_v();
-    assert(qdd0.rows() == n && qdd0.cols() == q.cols() && "qdd0 must be n_v × N");
-    assert(Bhat.rows() == n * inputs_->columns() && Bhat.cols() == q.cols() && "Bhat must be (n_v·m) × N");
-    assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
+    const Index n = tree().n_v(), states = q.cols();
+    const bool qdd0_fits = qdd0.rows() == n && qdd0.cols() == states,
+               Bhat_fits = Bhat.rows() == n * inputs_->columns() && Bhat.cols() == states,
+               outcomes_fit = static_cast<Index>(outcomes.size()) == states;
+    assert(qdd0_fits && "qdd0 must be n_v × N");
+    assert(Bhat_fits && "Bhat must be (n_v·m) × N");
+    assert(outcomes_fit && "outcomes must be as many as states");
     Index failed = 0;
-    if (!fits<scene>(q, qd)) {
+    if (!qdd0_fits || !Bhat_fits || !outcomes_fit || !fits<scene>(q, qd)) {
       qdd0.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
       Bhat.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      return refuse(outcomes);
+      return refuse(outcomes, states);
     }
     for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
       detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * n, n);
@@ -216,17 +219,17 @@ public:
   Index accelerations(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, const Eigen::MatrixBase<U>& u,
                       MatrixX<Scalar>& qdd, std::span<Outcome> outcomes)
   {
-    const Index m = inputs_->columns();
-    const Index n = tree().n_v();
-    const bool u_fits = u.rows() == m && u.cols() == q.cols();
+    const Index m = inputs_->columns(), n = tree().n_v(), states = q.cols();
+    const bool u_fits = u.rows() == m && u.cols() == states, qdd_fits = qdd.rows() == n && qdd.cols() == states,
+               outcomes_fit = static_cast<Index>(outcomes.size()) == states;
     assert(u_fits && "u must be m × N");
-    if (!fits<scene>(q, qd) || !u_fits) {
+    assert(qdd_fits && "qdd must be n_v × N");
+    assert(outcomes_fit && "outcomes must be as many as states");
+    if (!u_fits || !qdd_fits || !outcomes_fit || !fits<scene>(q, qd)) {
       qdd.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      return refuse(outcomes);
+      return refuse(outcomes, states);
     }
     follow_inputs();
-    assert(qdd.rows() == n && qdd.cols() == q.cols() && "qdd must be n_v × N");
-    assert(static_cast<Index>(outcomes.size()) == q.cols() && "outcomes must be as many as states");
     Index failed = 0;
     for (Index first = 0; first < q.cols(); first += lanes) {
       const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
@@ -335,10 +338,10 @@ private:
     assert(same && "inputs were added, or others assigned, after SeveralStates was made");
     return q_fits && qd_fits && same;
   }
-  static Index refuse(std::span<Outcome> outcomes)
+  static Index refuse(std::span<Outcome> outcomes, Index states)
   {
     std::fill(outcomes.begin(), outcomes.end(), Outcome{Status::mismatch, -1});
-    return static_cast<Index>(outcomes.size());
+    return states;
   }
 
   void follow_inputs()

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <iim/numerics/triple.hpp>
+#include <iim/scalar.hpp>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -276,6 +277,19 @@ struct Symmetric3 {
 };
 
 namespace detail {
+
+/// Unit quaternion (x, y, z, w) as a rotation; what its length is off is divided out. False beyond 1e-3.
+template <class Scalar>
+bool rotation_of(const Scalar& x, const Scalar& y, const Scalar& z, const Scalar& w, Matrix3<Scalar>& E)
+{
+  const Scalar length2 = x * x + y * y + z * z + w * w;
+  const Scalar s = Scalar(2) / length2;
+  E << Scalar(1) - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),  //
+      s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
+      s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
+  return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
+         ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
+}
 
 /// A rotation again, up to roundings, from one that a path's roundings have stretched.
 template <class Scalar>

@@ -116,6 +116,14 @@ struct IsSubsystem {
 template <class... S>
 struct AreSubsystems : IsSubsystem<S>... {};
 
+/// S with the Scalar T: by its own cast<T>(), not by that of a base, which would leave out what S adds.
+template <class S, class T>
+struct InScalar {
+  using Type = decltype(std::declval<const S&>().template cast<T>());
+  static_assert(std::same_as<decltype(std::declval<const S&>().template cast<typename S::Scalar>()), S>,
+                "cast<T>() of this subsystem makes another type of it: it needs one of its own, not that of its base");
+};
+
 // Optional members of a subsystem, and what holds without them.
 
 template <class S>
@@ -248,9 +256,9 @@ constexpr bool has_inlet_twists()
       "inlet_twists must be: Eigen::Matrix<Scalar, 6, k> inlet_twists() const");
   if constexpr (requires(const S s) { s.inlet_twists(); }) {
     using Twists = decltype(std::declval<const S&>().inlet_twists());
-    static_assert(Twists::RowsAtCompileTime == 6 && Twists::ColsAtCompileTime >= 1 &&
-                      Twists::ColsAtCompileTime <= S::n_i,
-                  "inlet_twists() has 6 rows and one column for each motion, at most n_i");
+    static_assert(
+        Twists::RowsAtCompileTime == 6 && Twists::ColsAtCompileTime >= 1 && Twists::ColsAtCompileTime <= S::n_i,
+        "inlet_twists() has 6 rows and one column for each motion, at most n_i");
     static_assert(S::n_frames == 1 && S::n_i > 1, "inlet_twists() is for one frame with several velocities");
     return rotor_count<S>() + spring_count<S>() == 0;
   }
@@ -284,6 +292,16 @@ detail::Coordinates<S> coordinate_rate(const S& s, const detail::Coordinates<S>&
     static_assert(S::n_q == S::n_i, "a subsystem with n_q != n_i needs coordinate_rate(q, qd)");
     return qd;
   }
+}
+
+/// Divides out what coordinates have lost or gained that a subsystem keeps constant: the length of a quaternion.
+template <Subsystem S>
+void normalize(const S& s, detail::Coordinates<S>& q)
+{
+  static_assert(
+      requires { s.normalize(q); } || !requires { &S::normalize; },
+      "normalize must be: void normalize(Coordinates& q) const");
+  if constexpr (requires { s.normalize(q); }) { s.normalize(q); }
 }
 
 /// Coordinates at which the subsystem is in its reference position: zero, or a unit quaternion.

@@ -110,10 +110,12 @@ public:
   /// add_com.
   Id add_momentum() { return append(of_all(TaskKind::momentum, 6, "momentum")); }
 
-  /// Switches a block of rows on or off. Rows of inactive blocks do not exist: those below them move up.
+  /// Switches a block of rows on or off. Rows of inactive blocks do not exist: those below them move up. (Of a number
+  /// that is none of a block's, with assertions off: nothing.)
   void set_active(Id id, bool active)
   {
     assert(id >= 0 && id < blocks() && "no such task");
+    if (id < 0 || id >= blocks()) { return; }
     tasks_[static_cast<std::size_t>(id)].active = active;
     arrange();
   }
@@ -141,7 +143,7 @@ public:
   }
 
   /// Where an active block was at the last evaluation: its point in the world, and the axes of its frame (point,
-  /// frame).
+  /// frame); NaN if that had no result.
   const Placement<Scalar>& placement(Id id) const
   {
     assert(id >= 0 && id < blocks() && "no such task");
@@ -160,6 +162,13 @@ public:
     evaluate(fd);
     multiply(affine.Bhat);
     return checked(affine.Bhat.cols());
+  }
+
+  /// The same of a pass and a method in one call.
+  template <class Workspace>
+  TaskRows<Scalar> operator()(const StateDynamics<Workspace>& dynamics) &
+  {
+    return (*this)(dynamics.fd, dynamics);
   }
 
   /// Without J_t B̂: JB has no columns.
@@ -384,6 +393,10 @@ private:
       JB_.setConstant(nan);
       Jdot_qd_.setConstant(nan);
       Vdot0_.setConstant(nan);
+      for (Placement<Scalar>& placement : placements_) {
+        placement.R.setConstant(nan);
+        placement.p.setConstant(nan);
+      }
     }
     using Stride = Eigen::OuterStride<>;
     return {{J_.data(), rows_, J_.cols(), Stride(J_.rows())},

@@ -317,6 +317,27 @@ template <class T>
 concept IsTree = requires { typename T::Scalar; } && std::derived_from<T, TreeData<typename T::Scalar>>;
 }  // namespace detail
 
+/// How a result of the cycle ended, in words for a log: "not positive definite: subsystem 'wrist'". Of what
+/// forward_dynamics, a method, Tasks or SeveralStates return. Allocates.
+template <class Result, detail::IsTree Tree>
+[[gnu::cold]] std::string describe(const Result& result, const Tree& tree)
+{
+  const auto words = [&](Status status, Index subsystem) {
+    std::string text = to_string(status);
+    if (status == Status::invalid_state) {
+      text += " (not finite, a quaternion that is not of unit length, or a linkage that cannot close)";
+    } else if (status == Status::mismatch) {
+      text += " (sizes, or parts that were not made for each other; assertions say which)";
+    }
+    return subsystem < 0 ? text : text + ": subsystem '" + tree.name(subsystem) + "'";
+  };
+  if constexpr (requires { result.status(); }) {
+    return words(result.status(), result.subsystem());
+  } else {
+    return words(result.status, result.subsystem);
+  }
+}
+
 /// Coordinates of the tree at which all its subsystems are in their reference positions: zeros and unit quaternions.
 /// Allocates.
 template <detail::IsTree Tree>
@@ -327,9 +348,21 @@ VectorX<typename Tree::Scalar> neutral(const Tree& tree)
   return q;
 }
 
+/// After a step of an integrator, whose sums do not keep it: all quaternions of q (n_q) are of unit length.
+template <detail::IsTree Tree, class Q>
+void normalize(const Tree& tree, Q&& q)
+{
+  assert(q.size() == tree.n_q() && "q must have n_q entries");
+  tree.outward([&]<class S>(const Node& node, const S& s) {
+    detail::Coordinates<S> own = q.template segment<S::n_q>(node.q);
+    normalize(s, own);
+    q.template segment<S::n_q>(node.q) = own;
+  });
+}
+
 /// rate = dq/dt at the coordinates q (n_q) for the velocities q̇ (n_v): what an integrator adds up. q̇ itself but for
-/// types like a floating base, whose quaternion it turns; of that no step keeps the length, which the integrator must
-/// divide out again. A rate of another size than n_q becomes one of n_q, which allocates; a block must have it.
+/// types like a floating base, whose quaternion it turns; of that no step keeps the length, which `normalize` divides
+/// out again. A rate of another size than n_q becomes one of n_q, which allocates; a block must have it.
 template <detail::IsTree Tree, class Q, class V, class Rate>
 void coordinate_rate(const Tree& tree, const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Rate&& rate)
 {

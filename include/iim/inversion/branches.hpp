@@ -66,6 +66,11 @@ public:
   const Limb& operator[](Index limb) const { return limbs_[static_cast<std::size_t>(limb)]; }
   Index limb_of(Index subsystem) const { return limb_of_[static_cast<std::size_t>(subsystem)]; }
   Index limb_of_velocity(Index v) const { return limb_of_velocity_[static_cast<std::size_t>(v)]; }
+  Index path_position(Index v) const  ///< of a velocity
+  {
+    const Limb& limb = (*this)[limb_of_velocity(v)];
+    return limb.begin + (v - limb.v);
+  }
 
   /// Calls f(first path position, first velocity, count) for the runs that path positions begin … end of `limb`'s path
   /// consist of, from the limb towards the world.

@@ -21,6 +21,7 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
+#include <algorithm>
 #include <cstddef>
 
 namespace iim::detail {
@@ -28,11 +29,11 @@ namespace iim::detail {
 /// M and h of one state, and B beside them. Construction allocates; nothing after it does. Refers to tree and inputs.
 /// Scene: that of the pass which filled the workspace.
 template <class Tree, Scene scene = Scene{}>
-class EquationsOfMotion {
+class SparseEquations {
 public:
   using Scalar = typename Tree::Scalar;
 
-  EquationsOfMotion(const Tree& tree, const Inputs<Tree>& inputs)
+  SparseEquations(const Tree& tree, const Inputs<Tree>& inputs)
       : tree_(&tree), B_(tree, inputs), frames_(static_cast<std::size_t>(tree.n_frames())),
         y_(static_cast<std::size_t>(tree.size())), F_(static_cast<std::size_t>(tree.n_v())),
         M_(padded<Scalar>(tree.max_path_v()), tree.n_v()), h_(tree.n_v())
@@ -62,6 +63,17 @@ public:
 
   /// Column v: row v of M, by path position up to that of v's own subsystem; what stands behind it is not M.
   MatrixX<Scalar>& M() { return M_; }
+  /// On and above the diagonal, into a matrix of zeros.
+  void put_upper(const Limbs& limbs, MatrixX<Scalar>& M) const
+  {
+    for (Index v = 0; v < tree_->n_v(); ++v) {
+      limbs.for_each_run(limbs.limb_of_velocity(v), 0, limbs.path_position(v) + 1,
+                         [&](Index a, Index first, Index count) {
+                           const Scalar* row = M_.data() + v * M_.rows() + a;
+                           std::copy(row, row + count, M.data() + v * M.rows() + first);
+                         });
+    }
+  }
   const VectorX<Scalar>& h() const { return h_; }
   const InputMatrix<Tree>& B() const { return B_; }
 

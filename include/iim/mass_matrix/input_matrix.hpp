@@ -146,6 +146,16 @@ public:
   /// Entries of column j by path position.
   const Scalar* entries(Index j) const { return entries_.data() + j * entries_.rows(); }
   Index stride() const { return entries_.rows(); }
+  /// Columns as in B̂, into a matrix of zeros.
+  void put(const Limbs& limbs, MatrixX<Scalar>& B) const
+  {
+    for (Index j = 0; j < size(); ++j) {
+      const Column& own = column(j);
+      limbs.for_each_run(limbs.limb_of(own.subsystem), own.begin, own.end, [&](Index a, Index v, Index count) {
+        std::copy(entries(j) + a, entries(j) + a + count, B.data() + own.bhat * B.rows() + v);
+      });
+    }
+  }
 
 private:
   /// Velocities of a point, and of its frame, per path position.

@@ -48,6 +48,12 @@ struct Driven : M {
     for (std::size_t j = 0; j < count; ++j) {
       const std::string name = owner + ": rotor " + std::to_string(j);
       motor[j].prepare(name);
+      bool turns = false;
+      for (int d = 0; d < n_i; ++d) {
+        const Scalar& ratio = transmission(static_cast<Index>(j), d);
+        turns = turns || ratio < Scalar(0) || ratio > Scalar(0);
+      }
+      if (!turns) { throw ModelError(name + " turns with no joint: its row of transmission is zero"); }
       if (carrier[j] < -1 || carrier[j] >= M::n_frames) {
         throw ModelError(name + " is carried by frame " + std::to_string(carrier[j]) + ", but frames are −1 … " +
                          std::to_string(M::n_frames - 1));

@@ -33,16 +33,8 @@ struct FloatingBase {
               std::array<FrameMotion<Scalar, 6>, 1>& frames) const
   {
     FrameMotion<Scalar, 6>& m = frames[0];
-    const Scalar& x = q(3);
-    const Scalar& y = q(4);
-    const Scalar& z = q(5);
-    const Scalar& w = q(6);
-    const Scalar length2 = x * x + y * y + z * z + w * w;
-    const Scalar s = Scalar(2) / length2;
     Matrix3<Scalar> E;
-    E << Scalar(1) - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),  //
-        s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
-        s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
+    const bool unit = detail::rotation_of(q(3), q(4), q(5), q(6), E);
     detail::multiply(R, E, m.R);
     const Vector3<Scalar>& com = body.com;
     m.r = detail::times(m.R, com);
@@ -60,8 +52,7 @@ struct FloatingBase {
     Vector3<Scalar> v = detail::cross(omega, com);
     detail::add(v, Vector3<Scalar>(qd(0), qd(1), qd(2)));
     detail::set(m.bias, detail::times(m.R, detail::cross(omega, v)), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
-    return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
-           ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
+    return unit;
   }
 
   Body<Scalar>& fixed_body() { return body; }
@@ -75,6 +66,8 @@ struct FloatingBase {
     q(6) = Scalar(1);
     return q;
   }
+
+  void normalize(Eigen::Matrix<Scalar, 7, 1>& q) const { q.template tail<4>().normalize(); }
 
   /// (E v ; ½ quaternion ∘ (ω, 0))
   Eigen::Matrix<Scalar, 7, 1> coordinate_rate(const Eigen::Matrix<Scalar, 7, 1>& q,

@@ -14,23 +14,6 @@
 
 namespace iim {
 
-namespace detail {
-
-/// Unit quaternion (x, y, z, w) as a rotation; what its length is off is divided out. False beyond 1e-3.
-template <class Scalar>
-bool rotation_of(const Scalar& x, const Scalar& y, const Scalar& z, const Scalar& w, Matrix3<Scalar>& E)
-{
-  const Scalar length2 = x * x + y * y + z * z + w * w;
-  const Scalar s = Scalar(2) / length2;
-  E << Scalar(1) - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w),  //
-      s * (x * y + z * w), Scalar(1) - s * (x * x + z * z), s * (y * z - x * w),   //
-      s * (x * z - y * w), s * (y * z + x * w), Scalar(1) - s * (x * x + y * y);
-  return ScalarTraits<Scalar>::is_positive(length2 - Scalar(0.998)) &&
-         ScalarTraits<Scalar>::is_positive(Scalar(1.002) - length2);
-}
-
-}  // namespace detail
-
 /// Screw. q: angle [rad]; the frame advances by lead·q along the axis. The input is the torque about the axis (and
 /// lead times the force along it).
 template <class Scalar_>
@@ -258,6 +241,8 @@ struct Spherical {
   {
     return Eigen::Matrix<Scalar, 4, 1>(Scalar(0), Scalar(0), Scalar(0), Scalar(1));
   }
+
+  void normalize(Eigen::Matrix<Scalar, 4, 1>& q) const { q.normalize(); }
 
   /// ½ quaternion ∘ (ω, 0)
   Eigen::Matrix<Scalar, 4, 1> coordinate_rate(const Eigen::Matrix<Scalar, 4, 1>& q,

@@ -61,6 +61,12 @@ struct RigidLink {
     return joint.neutral();
   }
 
+  void normalize(Eigen::Matrix<Scalar, n_q, 1>& q) const
+    requires requires(const Joint& j) { j.normalize(q); }
+  {
+    joint.normalize(q);
+  }
+
   auto coordinate_rate(const Eigen::Matrix<Scalar, n_q, 1>& q, const Eigen::Matrix<Scalar, n_i, 1>& qd) const
     requires requires(const Joint& j) { j.coordinate_rate(q, qd); }
   {
