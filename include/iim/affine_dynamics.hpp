@@ -52,7 +52,8 @@ struct StateDynamics : AffineDynamics<typename Workspace::Scalar> {
   ForwardDynamics<Workspace> fd;
 };
 
-/// What all methods have in common: made from a tree and its inputs, applied to a receipt of the O(n) pass.
+/// What methods have in common: made from a tree and its inputs, applied to a receipt of the O(n) pass (all but
+/// UnitForcePublished, which goes through the state again).
 template <class Method, class Receipt>
 concept InputJacobianMethod = requires(Method method, const Receipt& receipt) {
   { method(receipt) } -> std::same_as<AffineDynamics<typename Receipt::Scalar>>;

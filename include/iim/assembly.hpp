@@ -21,6 +21,9 @@
 
 namespace iim {
 
+template <class... S>
+class DynamicTree;
+
 /// Where a part hangs: on a frame of another part, on a named frame, or on the world.
 template <class Scalar>
 struct Attachment {
@@ -41,6 +44,7 @@ class Assembly : detail::AreSubsystems<S...> {
 public:
   using Scalar = typename std::tuple_element_t<0, std::tuple<S...>>::Scalar;
   using Part = std::variant<S...>;
+  using Tree = DynamicTree<S...>;
   static_assert(!std::numeric_limits<Scalar>::is_integer, "the Scalar of a robot must be able to hold fractions");
 
   struct NamedPart {

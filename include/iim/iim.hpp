@@ -9,9 +9,10 @@
 //     ImplicitInversion                   B̂ and q̈₀ from the receipt, Algorithm 1; AffineDynamics
 //
 // Not included here, each a header of its own: the other methods for B̂ (unit_force.hpp, global_inverse.hpp,
-// recursive_inverse.hpp), task rows (task.hpp), many states at once (several_states.hpp), robots from files (urdf.hpp),
-// the paper's models (models.hpp), further subsystems (subsystem/), their laws of mechanics as a test (law_suite.hpp),
-// and T_ip, F_i, M̄_i, h̄_i, B̄_i of one subsystem as dense matrices (subsystem_matrices.hpp).
+// recursive_inverse.hpp), M, h and B (equations_of_motion.hpp), task rows (task.hpp), many states at once
+// (several_states.hpp), robots from files (urdf.hpp), the paper's models (models.hpp), further subsystems (subsystem/),
+// their laws of mechanics as a test (law_suite.hpp), and T_ip, F_i, M̄_i, h̄_i, B̄_i of one subsystem as dense matrices
+// (subsystem_matrices.hpp).
 //
 // Headers to include lie here and in subsystem/. What they are made of, each in namespace detail, to read only:
 //
@@ -61,7 +62,6 @@ using StandardAssembly = Assembly<RevoluteLink<Scalar>, MotorArm<Scalar>, Floati
                                   FixedLink<Scalar>, LinearMotorArm<Scalar>>;
 /// And such a tree.
 template <class Scalar>
-using StandardTree = DynamicTree<RevoluteLink<Scalar>, MotorArm<Scalar>, FloatingBase<Scalar>, PrismaticLink<Scalar>,
-                                 FixedLink<Scalar>, LinearMotorArm<Scalar>>;
+using StandardTree = typename StandardAssembly<Scalar>::Tree;
 
 }  // namespace iim

@@ -56,7 +56,7 @@ struct FrameMovement {
 template <class Scalar>
 struct FrameState
     : FrameMovement<Scalar>,
-      std::conditional_t<detail::bodies_first<Scalar>, detail::PlacedInertia<Scalar>, FrameInertia<Scalar>> {
+      std::conditional_t<detail::is_several<Scalar>, detail::PlacedInertia<Scalar>, FrameInertia<Scalar>> {
   using FrameMovement<Scalar>::R, FrameMovement<Scalar>::r;
 
   /// Acceleration less gravity's: of what is held still by (0, 0, 9.81; 0, 0, 0). World axes, at the coupling point.

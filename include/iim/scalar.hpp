@@ -112,12 +112,14 @@ Scalar larger(const Scalar& a, const Scalar& b)
   return ScalarTraits<Scalar>::is_positive(b - a) ? b : a;
 }
 
-/// Whether a frame's own bodies come to its inertia before what hangs on it, as with several states at once, where that
-/// is in memory in any case (7 % of them). Else last, in registers, at the frame's own step: they would wait there for
-/// it in memory, and with what has come apart from them, what they are to their own joint is a constant (OwnColumn).
-/// Pass of a tree of 63: 7 % less.
+/// Whether it is several states at once, one per lane (numerics/lanes.hpp).
+///
+/// Then a frame's own bodies come to its inertia before what hangs on it, which is in memory in any case (7 % of
+/// several states). Of one state they come last, in registers, at the frame's own step: they would wait there for it in
+/// memory, and with what has come apart from them, what they are to their own joint is a constant (OwnColumn). Pass of
+/// a tree of 63: 7 % less.
 template <class Scalar>
-inline constexpr bool bodies_first = false;
+inline constexpr bool is_several = false;
 
 /// Of several states at once: asks that they be computed one by one, which does what these do not.
 template <class Scalar>

@@ -121,8 +121,8 @@ public:
   /// take 3 % longer.)
   bool straightens(Index i) const
   {
-    constexpr Index period = bodies_first<Scalar> ? 3 : 8;
-    return depth(i) % period == period - 1 && (bodies_first<Scalar> || node(i).subtree_end > i + 1);
+    constexpr Index period = is_several<Scalar> ? 3 : 8;
+    return depth(i) % period == period - 1 && (is_several<Scalar> || node(i).subtree_end > i + 1);
   }
   /// Number of ancestors.
   Index depth(Index i) const { return depth_[static_cast<std::size_t>(i)]; }
@@ -270,7 +270,7 @@ private:
   [[gnu::cold]] static Matrix3<Scalar> without_noise(Matrix3<Scalar> R)
   {
     using std::abs;
-    if constexpr (std::is_floating_point_v<Scalar> || bodies_first<Scalar>) {  // or lanes of them
+    if constexpr (std::is_floating_point_v<Scalar> || is_several<Scalar>) {  // or lanes of them
       for (Scalar& x : R.reshaped()) {
         if (abs(x) <= Eigen::NumTraits<Scalar>::epsilon() / Scalar(2)) { x = Scalar(0); }
       }

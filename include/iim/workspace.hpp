@@ -180,7 +180,7 @@ protected:
       f.omega.setZero();
       f.bias.setZero();
       f.Vdot.setZero();
-      if constexpr (!bodies_first<Scalar>) {
+      if constexpr (!is_several<Scalar>) {
         f.h.setZero();
         f.A.set_zero();
       }
@@ -293,7 +293,7 @@ protected:
   Array<RowTape<Scalar>> frame_tapes_;  // of a frame
   Turns<Scalar> turns_;
   Array<char> keeps_inlet_axes_;
-  [[no_unique_address]] std::conditional_t<bodies_first<Scalar>, SharedPlaces<Scalar>, Nothing> places_;
+  [[no_unique_address]] std::conditional_t<is_several<Scalar>, SharedPlaces<Scalar>, Nothing> places_;
   ParallelAxes<Scalar> axes_;
   Array<FreeAxis<Scalar>> free_axes_;
   Array<FreeLimb<Scalar>> free_limbs_;  // in matrix form
@@ -361,7 +361,7 @@ public:
       this->find_limbs(lines);
     }
     this->choose_inlet_axes();
-    if constexpr (detail::bodies_first<Scalar>) {
+    if constexpr (detail::is_several<Scalar>) {
       this->places_.allocate(tree, update == Update::square_root, this->frames_);
     }
     find_numbers();
@@ -397,7 +397,7 @@ private:
   /// Tells frames and bodies_beyond() where numbers are.
   [[gnu::cold]] void find_numbers()
   {
-    if constexpr (detail::bodies_first<Scalar>) { this->places_.put(this->frames_); }
+    if constexpr (detail::is_several<Scalar>) { this->places_.put(this->frames_); }
     if constexpr (detail::refines<Data>) {
       detail::BodiesBeyond<Scalar>& bodies = this->bodies_beyond_;
       bodies.clear();

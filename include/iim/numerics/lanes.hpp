@@ -31,7 +31,7 @@ namespace detail {
 template <class T, int N>
 inline constexpr int lane_count<iim::Lanes<T, N>> = 1;
 template <class T, int N>
-inline constexpr bool bodies_first<iim::Lanes<T, N>> = true;
+inline constexpr bool is_several<iim::Lanes<T, N>> = true;
 
 template <class T, int N>
 struct OneByOne<iim::Lanes<T, N>> {

@@ -16,7 +16,7 @@ namespace iim::detail {
 template <class Scalar>
 Scalar pivot_tolerance(bool mended = false)
 {
-  return bodies_first<Scalar> && !mended ? Scalar(1.0 / 1024) : Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
+  return is_several<Scalar> && !mended ? Scalar(1.0 / 1024) : Scalar(8192) * Eigen::NumTraits<Scalar>::epsilon();
 }
 
 /// C, upper triangular, of D⁻¹ = C Cᵀ (D: n × n, lower triangle read).

@@ -34,7 +34,7 @@ template <class Data>
 inline constexpr bool mends = Data::update == Update::projected;
 /// Whether those of several velocities, too (mended_root.hpp): of one state.
 template <class Data>
-inline constexpr bool mends_several = mends<Data> && !bodies_first<typename Data::Scalar>;
+inline constexpr bool mends_several = mends<Data> && !is_several<typename Data::Scalar>;
 
 /// Whether S moves its frame along one unit column, turning it or sliding.
 template <class S>

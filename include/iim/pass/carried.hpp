@@ -50,7 +50,7 @@ template <bool velocity, class Workspace>
   using Scalar = typename Workspace::Scalar;
   FrameState<Scalar>& f = ws.frame(frame);
   if (f.arrived) { return; }
-  if (bodies_first<Scalar> && frame < ws.tree().n_frames()) {
+  if (is_several<Scalar> && frame < ws.tree().n_frames()) {
     place<velocity>(ws.tree().frame_mass(frame), ws.axes().of(frame), f);
   } else {
     clear_size(f);
@@ -136,7 +136,7 @@ template <class S>
 template <class Scalar>
 [[gnu::always_inline]] inline TriplePair<Scalar> largest(const FrameState<Scalar>& f, const SpatialInertia<Scalar>& A)
 {
-  if (!bodies_first<Scalar> && !f.arrived) { return {A.M.diagonal(), A.J.diagonal()}; }
+  if (!is_several<Scalar> && !f.arrived) { return {A.M.diagonal(), A.J.diagonal()}; }
   const TriplePair<Scalar>& size = f.inertia().size;
   return {max(size.linear, A.M.diagonal()), max(size.angular, A.J.diagonal())};
 }

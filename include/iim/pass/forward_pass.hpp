@@ -40,7 +40,7 @@ public:
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
     ws_.begin_use();
-    if constexpr (bodies_first<Scalar>) { ws_.places().begin(ws_.tree(), ws_.frames()); }
+    if constexpr (is_several<Scalar>) { ws_.places().begin(ws_.tree(), ws_.frames()); }
     begin();
   }
 
@@ -67,7 +67,7 @@ public:
           const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
           for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) { ws_.root(input.frame).own.at(rhs, k) += z(k); }
         } else {
-          if constexpr (bodies_first<Scalar>) { ws_.places().keep(input.frame, ws_.tree(), ws_.frames()); }
+          if constexpr (is_several<Scalar>) { ws_.places().keep(input.frame, ws_.tree(), ws_.frames()); }
           arrive<scene.velocity>(input.frame, ws_);
         }
         f.inertia().h -= wrench;
@@ -90,7 +90,7 @@ protected:
   /// Where small pivots lacked inertias that frames share places for. asked: what OneByOne said before the pass.
   bool begins_again([[maybe_unused]] bool asked)
   {
-    if constexpr (bodies_first<Scalar>) {
+    if constexpr (is_several<Scalar>) {
       if (ws_.places().mends_lack(ws_.tree(), ws_.frames())) [[unlikely]] {
         if (!asked) { OneByOne<Scalar>::withdraw(); }
         begin();

@@ -210,7 +210,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   }
 
   Carried<Scalar> all;
-  if constexpr (bodies_first<Scalar>) {
+  if constexpr (is_several<Scalar>) {
     all = carried_at(f);
   } else {
     all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame), f);
@@ -256,7 +256,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   Matrix6<Scalar> C_T;
   bool positive = root_of_inverse<Scalar, 6>(A_T, scale, C_T);
   if constexpr (Workspace::update == Update::projected) {
-    if constexpr (bodies_first<Scalar>) {
+    if constexpr (is_several<Scalar>) {
       bool strong = true;
 #pragma GCC unroll 8
       for (int k = 0; k < 6; ++k) {

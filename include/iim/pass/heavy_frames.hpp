@@ -37,7 +37,7 @@ public:
       Size& light = lightest[at(node.index)];
       light = {smaller(lightest[at(node.parent)].mass, body[at(node.inlet)].mass),
                smaller(lightest[at(node.parent)].moment, body[at(node.inlet)].moment)};
-      for (Index f = node.frame; f < tree.n_frames() && tree.owner(f) == node.index; ++f) {
+      for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
         const FrameMass<Scalar>& own = tree.frame_mass(f);
         if (!outweighs(own.mass, light.mass) && !outweighs(sum_of_moments(own.central_inertia), light.moment)) {
           continue;

@@ -31,7 +31,7 @@ template <class Scalar>
     Scalar& light = lightest[at(node.index)];
     if (node.parent >= 0) { light = lightest[at(node.parent)]; }
     const Scalar inward = light;
-    for (Index f = node.frame; f < tree.n_frames() && tree.owner(f) == node.index; ++f) {
+    for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
       const FrameMass<Scalar>& body = tree.frame_mass(f);
       const Scalar weight = body.mass * lever + sum_of_moments(body.central_inertia);
       if (!body.present || !is_positive(weight)) { continue; }

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <iim/node_state.hpp>
+#include <iim/pass/articulated_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
+#include <iim/update.hpp>
 
 #include <array>
 #include <cstddef>
@@ -126,6 +128,88 @@ template <bool implicit, class S>
   }
   if constexpr (implicit) {
     for (const auto& spring : state.springs) { D += spring.ratio(0) * spring.inertia * spring.ratio(0); }
+  }
+}
+
+/// Rotors: J gᵀg with g = (0, aᵀ, e), to U, to D and its scale, and to h. What is left of it at the guidance part waits
+/// for W.
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline void take_rotors(const Node& node, const S& s, const NodeState<S>& state,
+                                               const Workspace& ws, SpunRotors<S>& spun,
+                                               SixColumns<typename S::Scalar, S::n_i>& U,
+                                               Eigen::Matrix<typename S::Scalar, S::n_i, S::n_i>& D,
+                                               Eigen::Matrix<typename S::Scalar, S::n_i, 1>& scale,
+                                               TriplePair<typename S::Scalar>& hg,
+                                               Eigen::Matrix<typename S::Scalar, S::n_i, 1>& hq)
+{
+  using Scalar = typename S::Scalar;
+  const auto rotors = s.rotors();
+  for (std::size_t k = 0; k < rotors.size(); ++k) {
+    spun[k] = spin_rotor<scene, S>(node, rotors[k], state, ws);
+    const Scalar Jb = spun[k].J * spun[k].bias;
+#pragma GCC unroll 8
+    for (int d = 0; d < S::n_i; ++d) {
+      const Scalar Je = spun[k].J * spun[k].e(d);
+#pragma GCC unroll 8
+      for (int e = 0; e < S::n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
+      U[d].angular += spun[k].a * Je;
+      scale(d) += Je * spun[k].e(d);
+      hq(d) += Jb * spun[k].e(d);
+    }
+    if constexpr (scene.velocity) {
+      hg.angular += spun[k].a * Jb;
+      add_gyroscopic(spun[k], rotors[k], state, hg, hq);
+    }
+  }
+}
+
+/// Springs of an implicit step, to D and its scale.
+template <class S>
+[[gnu::always_inline]] inline void take_springs(const NodeState<S>& state,
+                                                Eigen::Matrix<typename S::Scalar, S::n_i, S::n_i>& D,
+                                                Eigen::Matrix<typename S::Scalar, S::n_i, 1>& scale)
+{
+  for (const auto& spring : state.springs) {
+    add_spring(spring, D);
+#pragma GCC unroll 8
+    for (int d = 0; d < S::n_i; ++d) { scale(d) += spring.inertia * spring.ratio(d) * spring.ratio(d); }
+  }
+}
+
+/// What of the rotors the parent sees, to A, and its size. all_passed_on: it has come there without W.
+template <Update update, class S>
+[[gnu::always_inline]] inline void hand_on_rotors(const SpunRotors<S>& spun,
+                                                  const SixColumns<typename S::Scalar, S::n_i>& W, bool all_passed_on,
+                                                  SpatialInertia<typename S::Scalar>& A,
+                                                  TriplePair<typename S::Scalar>& size)
+{
+  using Scalar = typename S::Scalar;
+  for (const SpunRotor<S>& rotor : spun) {
+    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
+    if constexpr (update == Update::projected) {
+      if (!all_passed_on) [[likely]] {
+#pragma GCC unroll 8
+        for (int d = 0; d < S::n_i; ++d) { z -= W[d] * rotor.e(d); }
+      }
+    }
+    add_square(rotor.J, z, A);
+    // |z| ≤ 1 is wrong by ε.
+    const Triple<Scalar> Jz = z.angular * rotor.J, zero(Scalar(0), Scalar(0), Scalar(0));
+    size.angular = max(size.angular, max(Jz, zero - Jz));
+  }
+}
+
+/// And of the springs, as projected.
+template <class S>
+[[gnu::always_inline]] inline void hand_on_springs(const NodeState<S>& state,
+                                                   const SixColumns<typename S::Scalar, S::n_i>& W,
+                                                   SpatialInertia<typename S::Scalar>& A)
+{
+  for (const auto& spring : state.springs) {
+    TriplePair<typename S::Scalar> z = W[0] * spring.ratio(0);
+#pragma GCC unroll 8
+    for (int d = 1; d < S::n_i; ++d) { z += W[d] * spring.ratio(d); }
+    add_square(spring.inertia, z, A);
   }
 }
 

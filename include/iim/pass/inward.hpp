@@ -36,7 +36,7 @@ template <Scene scene, class Scalar>
   TriplePair<Scalar> p = wrench;
   if constexpr (scene.velocity) { p += A.of_linear(c); }
   p.angular += cross(Triple<Scalar>::settled(r.data()), p.linear);
-  if constexpr (bodies_first<Scalar>) {
+  if constexpr (is_several<Scalar>) {
     there.A.add_shifted(A, r);
     p += TriplePair<Scalar>(there.h.data());
   } else {
@@ -73,10 +73,10 @@ template <Scene scene, class S, class Workspace>
   TriplePair<Scalar> hg{};
   VectorI hq, scale;
   std::array<TriplePair<Scalar>, n_frames> size;
-  constexpr bool apart = !bodies_first<Scalar>;
-  std::array<Carried<Scalar>, apart ? n_frames : 1> carried;
+  constexpr bool in_registers = !is_several<Scalar>;
+  std::array<Carried<Scalar>, in_registers ? n_frames : 1> carried;
   const auto A_of = [&](std::size_t k) __attribute__((always_inline)) -> const SpatialInertia<Scalar>& {
-    if constexpr (apart) {
+    if constexpr (in_registers) {
       return carried[k].A;
     } else {
       return ws.frame(node.frame + static_cast<Index>(k)).inertia().A;
@@ -89,8 +89,8 @@ template <Scene scene, class S, class Workspace>
     const auto at = static_cast<std::size_t>(k);
     FrameState<Scalar>& f = ws.frame(node.frame + k);
     const FrameMass<Scalar>& body = ws.tree().frame_mass(node.frame + k);
-    if constexpr (apart) { carried[at] = own_bodies<S, scene.velocity>(body, f); }
-    if constexpr (has_own_twist<S>() && apart) {
+    if constexpr (in_registers) { carried[at] = own_bodies<S, scene.velocity>(body, f); }
+    if constexpr (has_own_twist<S>() && in_registers) {
       TriplePair<Scalar>& U_0 = U_k[0][0];
       U_0 = own_column(state, f);
       D(0, 0) = state.own.D;
@@ -102,13 +102,14 @@ template <Scene scene, class S, class Workspace>
       }
       add_arrived(f, carried[at]);
     } else {
-      if constexpr (apart) { add_arrived(f, carried[at]); }
+      if constexpr (in_registers) { add_arrived(f, carried[at]); }
       inertia_times<pattern>(A_of(at), state.S_k[at], U_k[at]);
       add_joint_inertia<pattern>(state.S_k[at], U_k[at], k == 0, D);
     }
     size[at] = largest(f, A_of(at));
     add_scale<pattern>(size[at], state.S_k[at], scale);
-    const TriplePair<Scalar> h = apart ? carried[apart ? at : 0].h : TriplePair<Scalar>(f.inertia().h.data());
+    const TriplePair<Scalar> h =
+        in_registers ? carried[in_registers ? at : 0].h : TriplePair<Scalar>(f.inertia().h.data());
     const TriplePair<Scalar> p = bias_wrench<scene, S>(A_of(at), h, f);
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { hq(d) += column_dot<pattern>(state.S_k[at], d, p); }
@@ -118,7 +119,7 @@ template <Scene scene, class S, class Workspace>
       hg += p;
     }
   }
-  if constexpr (apart) {
+  if constexpr (in_registers) {
     for (int k = 0; k < n_frames; ++k) { keep(carried[static_cast<std::size_t>(k)], ws.frame(node.frame + k)); }
   }
   [[maybe_unused]] const VectorI scale_of_A = scale;
@@ -129,36 +130,9 @@ template <Scene scene, class S, class Workspace>
     for (int d = 0; d < n_i; ++d) { U[d] += U_k[static_cast<std::size_t>(k)][d]; }
   }
 
-  // Rotors: J gᵀg with g = (0, aᵀ, e); what is left of it at the guidance part waits for W.
   SpunRotors<S> spun;
-  if constexpr (n_rotors > 0) {
-    const auto rotors = s.rotors();
-    for (std::size_t k = 0; k < n_rotors; ++k) {
-      spun[k] = spin_rotor<scene, S>(node, rotors[k], state, ws);
-      const Scalar Jb = spun[k].J * spun[k].bias;
-#pragma GCC unroll 8
-      for (int d = 0; d < n_i; ++d) {
-        const Scalar Je = spun[k].J * spun[k].e(d);
-#pragma GCC unroll 8
-        for (int e = 0; e < n_i; ++e) { D(e, d) += Je * spun[k].e(e); }
-        U[d].angular += spun[k].a * Je;
-        scale(d) += Je * spun[k].e(d);
-        hq(d) += Jb * spun[k].e(d);
-      }
-      if constexpr (scene.velocity) {
-        hg.angular += spun[k].a * Jb;
-        add_gyroscopic(spun[k], rotors[k], state, hg, hq);
-      }
-    }
-  }
-
-  if constexpr (scene.implicit) {
-    for (const auto& spring : state.springs) {
-      add_spring(spring, D);
-#pragma GCC unroll 8
-      for (int d = 0; d < n_i; ++d) { scale(d) += spring.inertia * spring.ratio(d) * spring.ratio(d); }
-    }
-  }
+  if constexpr (n_rotors > 0) { take_rotors<scene>(node, s, state, ws, spun, U, D, scale, hg, hq); }
+  if constexpr (scene.implicit) { take_springs<S>(state, D, scale); }
 
   [[maybe_unused]] const VectorI unloaded = hq;
 #pragma GCC unroll 8
@@ -212,10 +186,10 @@ template <Scene scene, class S, class Workspace>
   if constexpr (mends_several<Workspace> && mends_any<S, Workspace>()) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
   }
-  if constexpr (!bodies_first<Scalar>) { state.MbarR = D; }
+  if constexpr (!is_several<Scalar>) { state.MbarR = D; }
   state.MbarR_inv = D_inv;
   state.psi = product(D_inv, hq);
-  if constexpr (!bodies_first<Scalar>) {  // which nothing needs: several states 1 to 3 % less
+  if constexpr (!is_several<Scalar>) {  // which nothing needs: several states 1 to 3 % less
 #pragma GCC unroll 8
     for (int d = 0; d < n_i; ++d) { U[d].put(&state.U(0, d)); }
   }
@@ -243,7 +217,7 @@ template <Scene scene, class S, class Workspace>
       copy(A_of(0), from);
       reduce(from, column_of<pattern>(state.S_k[0], 0), TriplePair<Scalar>(U_k[0][0]), TriplePair<Scalar>(W[0]),
              has_own, reduced);
-      if constexpr (apart) { copy(reduced, carried[0].A); }
+      if constexpr (in_registers) { copy(reduced, carried[0].A); }
       if (!has_own) {  // A S = 0 from here on: `projected` leaves it as it is
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
         U_k[0][0] = {zero, zero};
@@ -253,7 +227,7 @@ template <Scene scene, class S, class Workspace>
 
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
-    const SpatialInertia<Scalar>& A_k = !apart && mends_pivots<S, Workspace>() && mended ? reduced : A_of(k);
+    const SpatialInertia<Scalar>& A_k = !in_registers && mends_pivots<S, Workspace>() && mended ? reduced : A_of(k);
     if constexpr (mends_roots<S, Workspace>() || is_compound) {
       return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else if constexpr (Workspace::update == Update::projected) {
@@ -264,27 +238,10 @@ template <Scene scene, class S, class Workspace>
   };
   SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
   for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
-  for (const SpunRotor<S>& rotor : spun) {
-    TriplePair<Scalar> z(Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0)), rotor.a);
-    if constexpr (Workspace::update == Update::projected) {
-      if (!(is_compound && mended)) [[likely]] {
-#pragma GCC unroll 8
-        for (int d = 0; d < n_i; ++d) { z -= W[d] * rotor.e(d); }
-      }
-    }
-    add_square(rotor.J, z, A);
-    // |z| ≤ 1 is wrong by ε.
-    const Triple<Scalar> Jz = z.angular * rotor.J, zero(Scalar(0), Scalar(0), Scalar(0));
-    size[0].angular = max(size[0].angular, max(Jz, zero - Jz));
-  }
+  const bool all_passed_on = is_compound && mended;  // with what is within
+  if constexpr (n_rotors > 0) { hand_on_rotors<Workspace::update, S>(spun, W, all_passed_on, A, size[0]); }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
-    for (const auto& spring : state.springs) {
-      if (is_compound && mended) [[unlikely]] { break; }
-      TriplePair<Scalar> z = W[0] * spring.ratio(0);
-#pragma GCC unroll 8
-      for (int d = 1; d < n_i; ++d) { z += W[d] * spring.ratio(d); }
-      add_square(spring.inertia, z, A);
-    }
+    if (!all_passed_on) [[likely]] { hand_on_springs<S>(state, W, A); }
   }
   if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
   if constexpr (is_compound) {
@@ -326,7 +283,7 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
       ws.rows(node.frame + k).count = 0;
     } else {
       Carried<Scalar> all;
-      if constexpr (bodies_first<Scalar>) {
+      if constexpr (is_several<Scalar>) {
         all = carried_at(f);
       } else {
         all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame + k), f);
@@ -366,7 +323,7 @@ void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Di
         }
       }
     }
-    if constexpr (bodies_first<typename S::Scalar>) {
+    if constexpr (is_several<typename S::Scalar>) {
       for (int k = 0; k < S::n_frames; ++k) { arrive<scene.velocity>(node.frame + k, ws); }
       if (receiver >= 0) { arrive<scene.velocity>(receiver, ws); }
     }

@@ -2,7 +2,7 @@
 //
 //     δx = M⁻¹ (τ − M x),        M x by the balance of each joint at the accelerations of all bodies, M⁻¹ by W and C
 //
-// and what the roundings of these sums may be in it. Of one state.
+// and what the roundings of these sums may be in it.
 #pragma once
 
 #include <iim/body.hpp>

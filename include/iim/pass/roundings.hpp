@@ -52,7 +52,7 @@ template <MotionPattern pattern, class Scalar, int n>
 template <class Scalar, int n>
 [[gnu::always_inline]] inline bool loses(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale)
 {
-  constexpr double least = bodies_first<Scalar> ? 1.0 / 12 : 1.0 / 8;
+  constexpr double least = is_several<Scalar> ? 1.0 / 12 : 1.0 / 8;
   bool strong = true;
 #pragma GCC unroll 8
   for (int d = 0; d < n; ++d) { strong &= ScalarTraits<Scalar>::is_positive(D(d, d) - Scalar(least) * scale(d)); }

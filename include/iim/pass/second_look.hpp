@@ -45,10 +45,10 @@ bool is_below_or_zero(const Scalar& x, const Scalar& limit)
 
 /// Whether passes do so: in matrix form, of one state. (Of several, a small pivot has them computed one by one.)
 template <class Data>
-inline constexpr bool looks_again = Data::update != Update::square_root && !bodies_first<typename Data::Scalar>;
+inline constexpr bool looks_again = Data::update != Update::square_root && !is_several<typename Data::Scalar>;
 /// Whether q̈ is tried to be made better where heavy bodies are held: in square-root form, of one state.
 template <class Data>
-inline constexpr bool refines_root = Data::update == Update::square_root && !bodies_first<typename Data::Scalar>;
+inline constexpr bool refines_root = Data::update == Update::square_root && !is_several<typename Data::Scalar>;
 /// Whether q̈ is made better, where pivots are mended at least.
 template <class Data>
 inline constexpr bool refines = looks_again<Data> || mends<Data> || refines_root<Data>;
@@ -96,7 +96,7 @@ public:
   /// by 10 and 20 where it is; passes take up to 37 % longer.)
   void note_mended_pivot(const Scalar& left, const Scalar& scale)
   {
-    const int least = heavy_ < (bodies_first<Scalar> ? 128 : 32) ? 64 : 4;
+    const int least = heavy_ < (is_several<Scalar> ? 128 : 32) ? 64 : 4;
     if (heavy_ > 0 && !ScalarTraits<Scalar>::is_positive(Scalar(least) * left - scale)) { has_mended_ = true; }
   }
   /// wrench: about the frame's coupling point, world axes.

@@ -76,7 +76,7 @@ public:
       FrameInertia<Scalar>& there = to.inertia();
       lost_ = to.loses;
       if (had_) { before_ = there; }
-      if constexpr (bodies_first<Scalar>) {  // what is handed on is added to what is there
+      if constexpr (is_several<Scalar>) {  // what is handed on is added to what is there
         const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));
         there.A.set_zero();
         there.h.setZero();
@@ -125,7 +125,7 @@ private:
   /// What has come to the inlet, in its axes, to what was there.
   void hand_over(FrameState<Scalar>& inlet) const
   {
-    if (!bodies_first<Scalar> && !inlet.arrived) {  // a free base hands on nothing
+    if (!is_several<Scalar> && !inlet.arrived) {  // a free base hands on nothing
       inlet.arrived = had_;
       return;
     }

@@ -118,14 +118,14 @@ template <class Scalar, class Data>
 {
   const FrameState<Scalar>& f = ws.frame(frame);
   if (f.loses) { return false; }
-  if constexpr (bodies_first<Scalar>) {
+  if constexpr (is_several<Scalar>) {
     if (!ws.places().has(frame)) { return true; }  // whatever stands there: the loop is done again
   }
   TriplePair<Scalar> a = acceleration;
   if (const auto* own = ws.axes().of(frame)) [[unlikely]] { a = turned(*own, false, a); }
   const TriplePair<Scalar> size = largest(f, f.inertia().A);
   const Scalar rounding = dot(TriplePair<Scalar>(a.linear * a.linear, a.angular * a.angular), size);
-  return ScalarTraits<Scalar>::is_positive(Scalar(bodies_first<Scalar> ? 32 : 8) * so_far - rounding);
+  return ScalarTraits<Scalar>::is_positive(Scalar(is_several<Scalar> ? 32 : 8) * so_far - rounding);
 }
 /// The same in a lane of the frame's motions.
 template <class Scalar, class Lane, class Data>

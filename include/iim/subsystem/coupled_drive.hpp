@@ -64,15 +64,7 @@ struct Driven : M {
   std::array<CarriedBody<Scalar>, count + detail::own_body_count<M>()> own_bodies() const
   {
     std::array<CarriedBody<Scalar>, count + detail::own_body_count<M>()> all;
-    for (std::size_t j = 0; j < count; ++j) {
-      Body<Scalar> rotor = Body<Scalar>::massless();
-      if (motor[j].mass > Scalar(0)) {
-        const Matrix3<Scalar> along = motor[j].axis * motor[j].axis.transpose();
-        rotor = {motor[j].mass, motor[j].com, motor[j].transverse_inertia * (Matrix3<Scalar>::Identity() - along),
-                 false};
-      }
-      all[j] = {carrier[j], rotor};
-    }
+    for (std::size_t j = 0; j < count; ++j) { all[j] = {carrier[j], motor[j].body()}; }
     if constexpr (detail::own_body_count<M>() > 0) {
       std::size_t at = count;
       for (const CarriedBody<Scalar>& carried : M::own_bodies()) { all[at++] = carried; }

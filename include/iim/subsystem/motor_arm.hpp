@@ -38,6 +38,19 @@ struct Motor {
     }
   }
 
+  /// The rotor where it is carried, in the same axes, without the inertia about its own axis; massless without a mass.
+  Body<Scalar> body() const
+  {
+    Body<Scalar> rotor = Body<Scalar>::massless();
+    if (mass > Scalar(0)) {
+      rotor.is_massless = false;
+      rotor.mass = mass;
+      rotor.com = com;
+      detail::add_point(transverse_inertia, axis, rotor.inertia);
+    }
+    return rotor;
+  }
+
   template <class T>
   Motor<T> cast() const
   {
@@ -98,17 +111,7 @@ struct MotorArmOn {
   }
 
   Body<Scalar>& fixed_body() { return body; }
-  std::array<CarriedBody<Scalar>, 2> bodies() const
-  {
-    Body<Scalar> rotor = Body<Scalar>::massless();
-    if (motor.mass > Scalar(0)) {
-      rotor.is_massless = false;
-      rotor.mass = motor.mass;
-      rotor.com = motor.com;
-      detail::add_point(motor.transverse_inertia, motor.axis, rotor.inertia);
-    }
-    return {{{0, body}, {-1, rotor}}};
-  }
+  std::array<CarriedBody<Scalar>, 2> bodies() const { return {{{0, body}, {-1, motor.body()}}}; }
 
   std::array<Rotor<Scalar, 1>, 1> rotors() const
   {
