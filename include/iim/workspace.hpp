@@ -77,6 +77,8 @@ public:
   /// Whether inputs on frame f need what the pass did to its rows (unit_rows.hpp): its body is far heavier than one of
   /// those that carry it.
   bool is_heavy(Index f) const { return heavy_.is_heavy(f); }
+  /// Whether a load on subsystem i acts as wrenches on the bodies that it is between (unit_rows.hpp).
+  bool loads_bodies(Index i) const { return heavy_.is_between(i) && root(tree_->node(i).frame).keeps_v; }
 
   /// What was done to the rows of subsystem i, after what was done to those on frame f; nullptr if nothing heavy lies
   /// there or beyond.

@@ -120,8 +120,11 @@ protected:
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
     Scalar* const beta = row(first_beta_ + projection.column);
-    if constexpr (S::n_i > 1) {
+    if constexpr (S::n_i > 0) {
       if (input.kind == InputKind::motor) {
+        if constexpr (one_column<S, Workspace>) {
+          if (ws.loads_bodies(node.index)) [[unlikely]] { return project_on_bodies(ws, node, input, beta, depth); }
+        }
         project_motor<S>(ws, input, beta, depth);
         return;
       }
@@ -326,21 +329,44 @@ protected:
   template <class Workspace>
   [[gnu::cold]] void project_on_rows(const Workspace& ws, const Input<Scalar>& input, Scalar* beta, Index depth)
   {
-    const FrameState<Scalar>& f = ws.frame(input.frame);
-    const RootInertia<Scalar>& N = ws.root(input.frame);
     unit_rows_.carry_inward(ws, input.frame);
     for (Index j = 0; j < input.size; ++j, beta += depth_) {
-      Vector6<Scalar> left = input_wrench(input, f, j);
-      const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), left);
-      for (Index a = 0; a < depth; ++a) {
-        const Scalar* const h = component(H(input.frame), a);
-        Scalar sum = unit_rows_.share(a, z);
-        for (int c = 0; c < 6; ++c) {
-          sum += h[c * lanes] * left(c);
-          if (N.keeps_v) { sum += h[rate * lanes] * N.S(c) * left(c); }
-        }
-        beta[a] = sum;
+      std::fill(beta, beta + depth, Scalar(0));
+      add_on_rows(ws, input.frame, input_wrench(input, ws.frame(input.frame), j), beta, depth);
+    }
+  }
+
+  /// β of motors between two heavy bodies (OpposedWrenches).
+  template <class Workspace>
+  [[gnu::cold]] void project_on_bodies(const Workspace& ws, const Node& node, const Input<Scalar>& input, Scalar* beta,
+                                       Index depth)
+  {
+    const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node.index, ws);
+    for (Index j = 0; j < input.size; ++j, beta += depth_) {
+      const Scalar& Bbar = ws.Bbar()(input.bbar + j);
+      std::fill(beta, beta + depth, Scalar(0));
+      unit_rows_.carry_inward(ws, wrenches.frame);
+      add_on_rows(ws, wrenches.frame, wrenches.on_frame * Bbar, beta, depth);
+      unit_rows_.carry_inward(ws, wrenches.inlet);
+      add_on_rows(ws, wrenches.inlet, wrenches.on_inlet * Bbar, beta, node.path_v);
+    }
+  }
+
+  /// Of a wrench on a heavy frame, whose unit rows have been carried inward.
+  template <class Workspace>
+  void add_on_rows(const Workspace& ws, Index frame, Vector6<Scalar> left, Scalar* beta, Index depth)
+  {
+    const FrameState<Scalar>& f = ws.frame(frame);
+    const RootInertia<Scalar>& N = ws.root(frame);
+    const RootRow<Scalar> z = put_on_rows(ws.frame_body(frame), f.R, f.bodies_at(), left);
+    for (Index a = 0; a < depth; ++a) {
+      const Scalar* const h = component(H(frame), a);
+      Scalar sum = unit_rows_.share(a, z);
+      for (int c = 0; c < 6; ++c) {
+        sum += h[c * lanes] * left(c);
+        if (N.keeps_v) { sum += h[rate * lanes] * N.S(c) * left(c); }
       }
+      beta[a] += sum;
     }
   }
 

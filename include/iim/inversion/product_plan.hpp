@@ -6,6 +6,7 @@
 #include <iim/inputs.hpp>
 #include <iim/inversion/branches.hpp>
 #include <iim/numerics/array.hpp>
+#include <iim/pass/heavy_frames.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
@@ -19,7 +20,7 @@ class ProductPlan {
 protected:
   /// least_rows: of L, zeros after its last.
   [[gnu::cold]] ProductPlan(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs, Index least_rows)
-      : tree_(&tree), inputs_(inputs), depth_(padded<Scalar>(tree.max_path_v())),
+      : tree_(&tree), inputs_(inputs), heavy_(tree), depth_(padded<Scalar>(tree.max_path_v())),
         first_beta_(std::max(tree.n_v(), least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
         steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_row_(at(tree.size()) + 1, 0),
         first_other_(first_row_)
@@ -82,6 +83,7 @@ protected:
       step.hands_on = node.subtree_end > node.index + 1;
       for (std::size_t k = step.projections; k < step.projections_end; ++k) {
         step.hands_on |= inputs_.inputs().block(projections_[k].block).kind != InputKind::motor;
+        step.hands_on |= heavy_.is_between(node.index);
       }
       const bool guided = node.parent < 0 || is_reached(tree_->node(node.parent));
       step.needed = guided ? Index(node.path_v) : steps_[at(node.parent)].needed;
@@ -96,10 +98,12 @@ protected:
     product.plan(columns_, first_row_, first_other_);
   }
 
-  /// A motor on a single velocity: its column of β is a row of L as it is.
+  /// A motor on a single velocity: its column of β is a row of L as it is (but for one that acts on its bodies,
+  /// unit_rows.hpp).
   bool is_row(const Input<Scalar>& input) const
   {
-    return input.kind == InputKind::motor && tree_->velocities(input.subsystem) == 1;
+    return input.kind == InputKind::motor && tree_->velocities(input.subsystem) == 1 &&
+           !heavy_.is_between(input.subsystem);
   }
 
   /// Whether columns that are rows of L make no more bundles if they come first, where some are bundles of rows as they
@@ -149,6 +153,7 @@ protected:
 
   const TreeData<Scalar>* tree_;
   SortedInputs<Scalar> inputs_;
+  HeavyFrames<Scalar> heavy_;
   Index depth_;       // padded length of the longest path
   Index first_beta_;  // row
   // depth × …: Lᵀ = (Γ⁻¹ diag(C))ᵀ, entry (a, v) belongs to the a-th velocity on v's path; then β.

@@ -7,6 +7,7 @@
 #include <iim/numerics/registers.hpp>
 #include <iim/numerics/row.hpp>
 #include <iim/numerics/transpose.hpp>
+#include <iim/pass/heavy_frames.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root/unit_rows.hpp>
@@ -17,6 +18,7 @@
 #include <cassert>
 #include <cstddef>
 #include <type_traits>
+#include <utility>
 
 namespace iim::detail {
 
@@ -103,9 +105,15 @@ protected:
     for (const Node& node : tree_->nodes()) {
       if (own_[at(node.index)].free || (node.parent >= 0 && own_[at(node.parent)].free)) { add(node.frame); }
     }
+    const HeavyFrames<Scalar> heavy(*tree_);
     for (Index id = 0; id < sorted_.inputs().blocks(); ++id) {
       const Input<Scalar>& input = sorted_.inputs().block(id);
-      if (input.kind != InputKind::motor) { add(input.frame); }
+      if (input.kind != InputKind::motor) {
+        add(input.frame);
+      } else if (heavy.is_between(input.subsystem)) {
+        add(tree_->node(input.subsystem).frame);
+        add(tree_->node(input.subsystem).inlet);
+      }
     }
     applied_.resize(at(applied_count_));
     for (Six& six : applied_) { six.fill(zero()); }
@@ -164,42 +172,59 @@ protected:
       if constexpr (Workspace::update == Update::square_root) { along_[at(node.frame)] = zero(); }
       for (int d = 0; d < own_[at(i)].velocities; ++d) { rows_[at(node.v + d)] = zero(); }
     }
-    if (input.kind == InputKind::motor) {
-      for (Index d = 0; d < input.velocities; ++d) {
-        entry(rows_[at(input.v + d)], lane) = ws.Bbar()(input.bbar + j * input.velocities + d);
+    if (input.kind != InputKind::motor) {
+      put_on(input.frame, input_wrench(input, ws.frame(input.frame), j), ws, lane);
+      return;
+    }
+    if constexpr (Workspace::update == Update::square_root) {
+      if (ws.loads_bodies(input.subsystem)) [[unlikely]] {
+        const Scalar& Bbar = ws.Bbar()(input.bbar + j);
+        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(input.subsystem, ws);
+        for (const auto& [frame, w] :
+             {std::pair(wrenches.frame, wrenches.on_frame), {wrenches.inlet, wrenches.on_inlet}}) {
+          unit_rows_.carry_inward(ws, frame);
+          put_on(frame, w * Bbar, ws, lane);
+        }
+        return;
       }
-      if (own_[at(input.subsystem)].free) {
-        const Index frame = tree_->node(input.subsystem).frame;
-        if (loads_[at(frame)] == 0) { applied(frame).fill(zero()); }
-        loads_[at(frame)] = by_input;
-      }
-    } else {
-      Vector6<Scalar> w = input_wrench(input, ws.frame(input.frame), j);
-      if constexpr (Workspace::update == Update::square_root) {
-        if (ws.is_heavy(input.frame)) { share(ws, input, w, lane); }
-      }
-      Six& wrench = applied(input.frame);
-      if (loads_[at(input.frame)] == 0) { wrench.fill(zero()); }
-      loads_[at(input.frame)] = by_input;
-      for (int c = 0; c < 6; ++c) { entry(wrench[at(c)], lane) = w(c); }
-      if constexpr (Workspace::update == Update::square_root) {
-        const RootInertia<Scalar>& f = ws.root(input.frame);
-        for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(input.frame)], lane) += f.S(c) * w(c); }
-      }
+    }
+    for (Index d = 0; d < input.velocities; ++d) {
+      entry(rows_[at(input.v + d)], lane) = ws.Bbar()(input.bbar + j * input.velocities + d);
+    }
+    if (own_[at(input.subsystem)].free) {
+      const Index frame = tree_->node(input.subsystem).frame;
+      if (loads_[at(frame)] == 0) { applied(frame).fill(zero()); }
+      loads_[at(frame)] = by_input;
     }
   }
 
-  /// Takes from the wrench of an input on a heavy frame what its body's rows carry, and notes what each joint gets of
-  /// it.
+  /// A wrench on a frame. Of a heavy one, what was done to its rows is known.
   template <class Workspace>
-  void share(const Workspace& ws, const Input<Scalar>& input, Vector6<Scalar>& w, int lane)
+  void put_on(Index frame, Vector6<Scalar> w, const Workspace& ws, int lane)
   {
-    const FrameState<Scalar>& f = ws.frame(input.frame);
-    const RootRow<Scalar> z = put_on_rows(ws.frame_body(input.frame), f.R, f.bodies_at(), w);
-    for (Index i = input.subsystem; i >= 0; i = tree_->node(i).parent) {
+    if constexpr (Workspace::update == Update::square_root) {
+      if (ws.is_heavy(frame)) { share(ws, frame, w, lane); }
+    }
+    Six& wrench = applied(frame);
+    if (loads_[at(frame)] == 0) { wrench.fill(zero()); }
+    loads_[at(frame)] = by_input;
+    for (int c = 0; c < 6; ++c) { entry(wrench[at(c)], lane) = w(c); }
+    if constexpr (Workspace::update == Update::square_root) {
+      const RootInertia<Scalar>& f = ws.root(frame);
+      for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(frame)], lane) += f.S(c) * w(c); }
+    }
+  }
+
+  /// Takes from a wrench on a heavy frame what its body's rows carry, and notes what each joint gets of it.
+  template <class Workspace>
+  void share(const Workspace& ws, Index frame, Vector6<Scalar>& w, int lane)
+  {
+    const FrameState<Scalar>& f = ws.frame(frame);
+    const RootRow<Scalar> z = put_on_rows(ws.frame_body(frame), f.R, f.bodies_at(), w);
+    for (Index i = tree_->owner(frame); i >= 0; i = tree_->node(i).parent) {
       const Node& node = tree_->node(i);
       for (int d = 0; d < own_[at(i)].velocities; ++d) {
-        entry(shares_[at(node.v + d)], lane) = unit_rows_.share(node.path_v + d, z);
+        entry(shares_[at(node.v + d)], lane) += unit_rows_.share(node.path_v + d, z);
       }
     }
     shared_ = true;

@@ -19,6 +19,7 @@
 #include <iim/pass/kinematics.hpp>
 #include <iim/receipt.hpp>
 #include <iim/spatial.hpp>
+#include <iim/square_root/unit_rows.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -52,25 +53,25 @@ public:
       if (!detail::all_finite(u.segment(column, input.size))) {
         diagnosis_.fail(Status::invalid_state, input.subsystem);
       }
-      if (input.kind == InputKind::motor) {
-        const Index rows = input.velocities;
-        for (Index j = 0; j < input.size; ++j) {
-          ws_.load().segment(input.v, rows) += ws_.Bbar().segment(input.bbar + j * rows, rows) * u(column + j);
-        }
-      } else {
-        FrameState<Scalar>& f = ws_.frame(input.frame);
+      if (input.kind != InputKind::motor) {
+        const FrameState<Scalar>& f = ws_.frame(input.frame);
         Vector6<Scalar> wrench = input_wrench(input, f, 0) * u(column);
         for (Index j = 1; j < input.size; ++j) { wrench += input_wrench(input, f, j) * u(column + j); }
-        if constexpr (refines<Data>) { ws_.second_look().note_applied(input.frame, wrench); }
-        if (const auto* axes = ws_.axes().of(input.frame)) { turn_triples(*axes, false, wrench.data(), 2); }
+        apply(input.frame, wrench);
+        return;
+      }
+      const Index rows = input.velocities;
+      for (Index j = 0; j < input.size; ++j) {
+        const auto Bbar = ws_.Bbar().segment(input.bbar + j * rows, rows);
         if constexpr (Data::update == Update::square_root) {
-          const RootRow<Scalar> z = put_on_rows(ws_.frame_body(input.frame), f.R, f.bodies_at(), wrench);
-          for (int k = 0; k < ws_.frame_body(input.frame).rows; ++k) { ws_.root(input.frame).own.at(rhs, k) += z(k); }
-        } else {
-          if constexpr (is_several<Scalar>) { ws_.places().keep(input.frame, ws_.tree(), ws_.frames()); }
-          arrive<scene.velocity>(input.frame, ws_);
+          if (ws_.loads_bodies(input.subsystem)) [[unlikely]] {
+            const auto wrenches = opposed_wrenches(input.subsystem, ws_);
+            apply(wrenches.frame, wrenches.on_frame * (Bbar(0) * u(column + j)));
+            apply(wrenches.inlet, wrenches.on_inlet * (Bbar(0) * u(column + j)));
+            continue;
+          }
         }
-        f.inertia().h -= wrench;
+        ws_.load().segment(input.v, rows) += Bbar * u(column + j);
       }
     });
   }
@@ -79,6 +80,22 @@ public:
   Acceleration<Scalar> acceleration() const { return {ws_.qdd(), diagnosis_.status, diagnosis_.subsystem}; }
 
 protected:
+  /// A wrench on a frame, at its coupling point.
+  void apply(Index frame, Vector6<Scalar> wrench)
+  {
+    FrameState<Scalar>& f = ws_.frame(frame);
+    if constexpr (refines<Data>) { ws_.second_look().note_applied(frame, wrench); }
+    if (const auto* axes = ws_.axes().of(frame)) { turn_triples(*axes, false, wrench.data(), 2); }
+    if constexpr (Data::update == Update::square_root) {
+      const RootRow<Scalar> z = put_on_rows(ws_.frame_body(frame), f.R, f.bodies_at(), wrench);
+      for (int k = 0; k < ws_.frame_body(frame).rows; ++k) { ws_.root(frame).own.at(rhs, k) += z(k); }
+    } else {
+      if constexpr (is_several<Scalar>) { ws_.places().keep(frame, ws_.tree(), ws_.frames()); }
+      arrive<scene.velocity>(frame, ws_);
+    }
+    f.inertia().h -= wrench;
+  }
+
   void begin()
   {
     diagnosis_ = Diagnosis{};

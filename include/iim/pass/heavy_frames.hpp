@@ -1,4 +1,4 @@
-// Which bodies are far heavier than what carries them: unit_rows.hpp.
+// Which bodies are far heavier than what carries them, and which joints lie between two such: unit_rows.hpp.
 #pragma once
 
 #include <iim/body.hpp>
@@ -13,7 +13,9 @@
 namespace iim::detail {
 
 /// Frames of a tree whose body has 256 times the mass, or moment of inertia, of a body further inward: what a force on
-/// less loses is a few ε (4 for a load of 256 kg on links of 1 kg).
+/// less loses is a few ε (4 for a load of 256 kg on links of 1 kg). Beyond a joint of several velocities that hangs on
+/// what such a joint, or a free frame, carries, 8 times those of the latter: it moves almost freely, and what its
+/// lightness makes of roundings is lost (16 times: 6000 ε for a base of 10⁻³).
 template <class Scalar>
 class HeavyFrames {
 public:
@@ -30,24 +32,30 @@ public:
       body[at(node.inlet)].moment += inlet.moment;
     }
     Array<Size> lightest(at(tree.size()));  // of those inward of a subsystem
+    Array<Size> loose(at(tree.size()));     // of those that can move along a joint of several velocities
     Array<char> frame(body.size(), 0), subsystem(lightest.size(), 0);
     bool any = false;
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
       Size& light = lightest[at(node.index)];
-      light = {smaller(lightest[at(node.parent)].mass, body[at(node.inlet)].mass),
-               smaller(lightest[at(node.parent)].moment, body[at(node.inlet)].moment)};
+      light = smaller(lightest[at(node.parent)], body[at(node.inlet)]);
+      loose[at(node.index)] = loose[at(node.parent)];
+      if (tree.velocities(node.index) > 1 && tree.velocities(node.parent) > 1) {
+        loose[at(node.index)] = smaller(loose[at(node.parent)], body[at(node.inlet)]);
+      }
       for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
         const FrameMass<Scalar>& own = tree.frame_mass(f);
-        if (!outweighs(own.mass, light.mass) && !outweighs(sum_of_moments(own.central_inertia), light.moment)) {
-          continue;
-        }
+        const Size size{own.mass, sum_of_moments(own.central_inertia)};
+        if (!outweighs(size, light, 256) && !outweighs(size, loose[at(node.index)], 8)) { continue; }
         any = true;
         frame[at(f)] = 1;
         for (Index i = node.index; i >= 0 && subsystem[at(i)] == 0; i = tree.node(i).parent) { subsystem[at(i)] = 1; }
       }
     }
     if (any) {
+      for (const Node& node : tree.nodes()) {
+        between_.push_back(is_between(node, frame, loose[at(node.index)], tree) ? 1 : 0);
+      }
       frame_ = std::move(frame);
       subsystem_ = std::move(subsystem);
     }
@@ -58,6 +66,11 @@ public:
   /// Whether subsystem i has such a frame, or one lies beyond it.
   bool carries(Index i) const { return any() && subsystem_[at(i)] != 0; }
 
+  /// Whether a load on subsystem i, of one velocity, is one between two such frames, and further inward a joint of
+  /// several velocities hangs on what such a joint, or a free frame, carries: the load of W that reaches this acts
+  /// along none of them, but by roundings, and what is light there moves by these.
+  bool is_between(Index i) const { return any() && between_[at(i)] != 0; }
+
 private:
   struct Size {
     Scalar mass = Scalar(0), moment = Scalar(0);  ///< 0: none
@@ -65,13 +78,29 @@ private:
 
   static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
   static bool is_positive(const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); }
-  static bool outweighs(const Scalar& a, const Scalar& b) { return is_positive(b) && is_positive(a / Scalar(256) - b); }
+  static bool outweighs(const Size& a, const Size& b, int times)
+  {
+    const auto more = [&](const Scalar& x, const Scalar& y) {
+      return is_positive(y) && is_positive(x / Scalar(times) - y);
+    };
+    return more(a.mass, b.mass) || more(a.moment, b.moment);
+  }
+  static Size smaller(const Size& a, const Size& b) { return {smaller(a.mass, b.mass), smaller(a.moment, b.moment)}; }
   static Scalar smaller(const Scalar& a, const Scalar& b)
   {
     return is_positive(a) && (!is_positive(b) || is_positive(b - a)) ? a : b;
   }
 
-  Array<char> frame_, subsystem_;  // empty if there are none
+  [[gnu::cold]] static bool is_between(const Node& node, const Array<char>& heavy, const Size& loose,
+                                       const TreeData<Scalar>& tree)
+  {
+    const bool one_frame = tree.end_of_frames(node.index) == node.frame + 1;
+    if (node.inlet < 0 || tree.velocities(node.index) != 1 || !one_frame) { return false; }
+    return heavy[at(node.frame)] != 0 && heavy[at(node.inlet)] != 0 &&
+           (is_positive(loose.mass) || is_positive(loose.moment));
+  }
+
+  Array<char> frame_, subsystem_, between_;  // empty if there are none
 };
 
 }  // namespace iim::detail

@@ -21,6 +21,31 @@
 
 namespace iim::detail {
 
+/// A load of 1 on the one velocity of a subsystem as a wrench w on its frame, S·w = 1, and −w on its inlet.
+template <class Scalar>
+struct OpposedWrenches {
+  Index frame, inlet;
+  Vector6<Scalar> on_frame, on_inlet;  ///< at their coupling points
+};
+/// The load of W on the inlet, W S = 1, is a difference of what acts on the bodies beyond. Where light ones further
+/// inward move freely along it (HeavyFrames::is_between), these two go through Q instead, as wrenches of inputs do. (A
+/// base of 10⁻⁶ of the limb that hangs on it by a universal joint: the column of the next motor 10⁷ ε without this.)
+template <class Workspace>
+[[gnu::cold]] OpposedWrenches<typename Workspace::Scalar> opposed_wrenches(Index i, const Workspace& ws)
+{
+  using Scalar = typename Workspace::Scalar;
+  const Node& node = ws.tree().node(i);
+  OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, ws.root(node.frame).S, {}};
+  const Scalar size = wrenches.on_frame.squaredNorm();
+  for (int k = 0; k < 6; ++k) { wrenches.on_frame(k) = wrenches.on_frame(k) / size; }
+  const FrameState<Scalar>& inlet = ws.frame(node.inlet);
+  Vector3<Scalar> r = inlet.r;
+  add(r, times(inlet.R, ws.tree().placement(i).p));
+  wrenches.on_inlet = shift_wrench(r, wrenches.on_frame);
+  for (int k = 0; k < 6; ++k) { wrenches.on_inlet(k) = -wrenches.on_inlet(k); }
+  return wrenches;
+}
+
 /// Unit columns beside the rows of a body, one for each, and what Q makes of them from subsystem to subsystem.
 template <class Scalar>
 class UnitRows {
