@@ -184,8 +184,8 @@ private:
     const D Z = (e2 + D(length2 - r.rod * r.rod)) * D(Scalar(0.5));
     const D amplitude2 = x * x + y * y;
     D square = amplitude2 - Z * Z;
-    const bool reached =
-        ScalarTraits<Scalar>::is_positive(square.value - detail::dead_centre<Scalar>() * amplitude2.value);
+    const Scalar least = detail::dead_centre<Scalar>();
+    const bool reached = ScalarTraits<Scalar>::is_positive(square.value - least * least * amplitude2.value);
     if (!reached) { square = D(Scalar(1)); }
     // ½ d(rod²)/dθ = X sin θ − Y cos θ = root
     const D root = sqrt(square) * D(r.side);

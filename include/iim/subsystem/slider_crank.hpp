@@ -49,7 +49,8 @@ struct SliderCrankLinkage {
     const PlanePoint<Scalar, 1> B{cos(q[0]) * D(crank), sin(q[0]) * D(crank)};
     const D rise = D(offset) - B.y;
     D square = D(rod * rod) - rise * rise;
-    const bool reached = ScalarTraits<Scalar>::is_positive(square.value - detail::dead_centre<Scalar>() * rod * rod);
+    const Scalar least = detail::dead_centre<Scalar>() * rod;
+    const bool reached = ScalarTraits<Scalar>::is_positive(square.value - least * least);
     if (!reached) { square = D(rod * rod); }
     const D reach = sqrt(square) * D(side);
     frames[0] = RelativeMotion<Scalar, 1>{}.turned(plane.normal, q[0]);
@@ -106,7 +107,7 @@ struct ActuatedLeverLinkage {
     const PlanePoint<Scalar, 1> way = C - from;
     D square = way.x * way.x + way.y * way.y;
     // The direction is lost where pin and pivot meet.
-    const Scalar least = detail::dead_centre<Scalar>(1e-8);
+    const Scalar least = detail::dead_centre<Scalar>();
     const bool apart = ScalarTraits<Scalar>::is_positive(square.value - least * least * pivot.squaredNorm());
     if (!apart) { square = D(Scalar(1)); }
     frames[0] = RelativeMotion<Scalar, 1>{}.turned(plane.normal, q[0]);
