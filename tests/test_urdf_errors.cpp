@@ -102,6 +102,12 @@ TEST_CASE("files that are no URDF")
          {"two roots", "<robot name='r'>\n<link name='a'/>\n<link name='b'/></robot>", {"r.urdf:", "link 'a'", "[b]"}},
          {"no limits", robot_xml("revolute"), {"r.urdf:", "joint 'j'"}},
          {"malformed", robot_xml("continuous", "<origin xyz='0 0'/>"), {"r.urdf:", "joint 'j'", "origin"}},
+         {"two axes",
+          robot_xml("continuous", "<axis xyz='1 0 0'/>\n<axis xyz='0 0 1'/>"),
+          {"r.urdf:", "joint 'j': <axis> is given twice, again in line"}},
+         {"two inertials",
+          "<robot name='r'>\n<link name='a'>\n<inertial/>\n<inertial/>\n</link></robot>",
+          {"r.urdf:2: link 'a': <inertial> is given twice, again in line 4"}},
          {"version", "<robot name='r' version='9.0'><link name='a'/></robot>", {"r.urdf", "version"}}});
 }
 

@@ -204,6 +204,18 @@ inline void check_inertial(const Element& link, const std::string& where)
   check("inertia", true, 1, {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"});
 }
 
+/// Throws if one of these is given twice: urdfdom takes the first.
+inline void check_once(const Element& e, const std::string& item, std::initializer_list<const char*> names)
+{
+  for (const char* name : names) {
+    const Element* first = e.FirstChildElement(name);
+    const Element* second = first != nullptr ? first->NextSiblingElement(name) : nullptr;
+    if (second != nullptr) {
+      throw ModelError(item + ": <" + name + "> is given twice, again in line " + std::to_string(row(*second)));
+    }
+  }
+}
+
 /// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several
 /// parents, loops.
 inline Source survey(const Element& robot, const std::string& name)
@@ -222,6 +234,7 @@ inline Source survey(const Element& robot, const std::string& name)
       if (!is_new) {
         throw ModelError(item + ": there is a link of that name in line " + std::to_string(before->second));
       }
+      check_once(e, item, {"inertial"});
       check_inertial(e, item);
       if (e.FirstChildElement("inertial") != nullptr) { source.with_inertia.insert(attribute(e, "name")); }
     }
@@ -231,6 +244,7 @@ inline Source survey(const Element& robot, const std::string& name)
     if (!is_new) {
       throw ModelError(item + ": there is a joint of that name in line " + std::to_string(before->second));
     }
+    check_once(e, item, {"origin", "parent", "child", "axis"});
     const std::string type = attribute(e, "type");
     if (type == "planar") {
       throw ModelError(source.joint(joint) + ": planar joints are not supported; chain two prismatic and one revolute");
