@@ -78,7 +78,7 @@ public:
   /// those that carry it.
   bool is_heavy(Index f) const { return heavy_.is_heavy(f); }
   /// Whether a load on subsystem i acts as wrenches on the bodies that it is between (unit_rows.hpp).
-  bool loads_bodies(Index i) const { return heavy_.is_between(i) && root(tree_->node(i).frame).keeps_v; }
+  bool loads_bodies(Index i) const { return heavy_.is_between(i); }
 
   /// What was done to the rows of subsystem i, after what was done to those on frame f; nullptr if nothing heavy lies
   /// there or beyond.

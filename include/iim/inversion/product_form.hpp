@@ -76,7 +76,9 @@ protected:
     if constexpr (follows_free_axis<S, Workspace>) {
       if (limb != nullptr) [[unlikely]] { follow(*limb, ws.free_axis_of(*limb).last, node, state.S_k[0], step); }
     }
-    for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
+    for (std::size_t k = step.projections; k < step.projections_end; ++k) {
+      project<S>(ws, node, state, projections_[k]);
+    }
   }
 
   /// Steps 2 and 3. outward_loop: calls outward for all subsystems.
@@ -115,15 +117,18 @@ protected:
   }
 
   template <class S, class Workspace>
-  [[gnu::always_inline]] void project(const Workspace& ws, const Node& node, const Projection& projection)
+  [[gnu::always_inline]] void project(const Workspace& ws, const Node& node,
+                                      [[maybe_unused]] const NodeMemory<S>& state, const Projection& projection)
   {
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
     Scalar* const beta = row(first_beta_ + projection.column);
     if constexpr (S::n_i > 0) {
       if (input.kind == InputKind::motor) {
-        if constexpr (one_column<S, Workspace>) {
-          if (ws.loads_bodies(node.index)) [[unlikely]] { return project_on_bodies(ws, node, input, beta, depth); }
+        if constexpr (shares_motion<S, Workspace>) {
+          if (ws.loads_bodies(node.index)) [[unlikely]] {
+            return project_on_bodies(ws, node, state.S_k[0].data(), S::n_i, input, beta);
+          }
         }
         project_motor<S>(ws, input, beta, depth);
         return;
@@ -336,19 +341,23 @@ protected:
     }
   }
 
-  /// β of motors between two heavy bodies (OpposedWrenches).
+  /// β of motors between two heavy bodies (OpposedWrenches). S: columns.
   template <class Workspace>
-  [[gnu::cold]] void project_on_bodies(const Workspace& ws, const Node& node, const Input<Scalar>& input, Scalar* beta,
-                                       Index depth)
+  [[gnu::cold]] void project_on_bodies(const Workspace& ws, const Node& node, const Scalar* S, int n_i,
+                                       const Input<Scalar>& input, Scalar* beta)
   {
-    const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node.index, ws);
+    const Index inlet_depth = node.path_v, depth = inlet_depth + n_i;
     for (Index j = 0; j < input.size; ++j, beta += depth_) {
-      const Scalar& Bbar = ws.Bbar()(input.bbar + j);
       std::fill(beta, beta + depth, Scalar(0));
-      unit_rows_.carry_inward(ws, wrenches.frame);
-      add_on_rows(ws, wrenches.frame, wrenches.on_frame * Bbar, beta, depth);
-      unit_rows_.carry_inward(ws, wrenches.inlet);
-      add_on_rows(ws, wrenches.inlet, wrenches.on_inlet * Bbar, beta, node.path_v);
+      for (int d = 0; d < n_i; ++d) {
+        const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
+        if (Bbar == Scalar(0)) { continue; }
+        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
+        unit_rows_.carry_inward(ws, wrenches.frame);
+        add_on_rows(ws, wrenches.frame, wrenches.on_frame * Bbar, beta, depth);
+        unit_rows_.carry_inward(ws, wrenches.inlet);
+        add_on_rows(ws, wrenches.inlet, wrenches.on_inlet * Bbar, beta, inlet_depth);
+      }
     }
   }
 

@@ -64,6 +64,9 @@ protected:
     [[maybe_unused]] Lane shares[several && n_i > 1 ? n_i : 1];
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
+    if constexpr (shares_motion<S, Workspace> && n_i > 0) {
+      if (ws.loads_bodies(node.index)) [[unlikely]] { this->load_bodies(node, state.S_k[0].data(), n_i, ws); }
+    }
     [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
     std::array<Six, S::n_frames> p_k;
     unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) { receive(node.frame + k, p_k[k]); });

@@ -18,7 +18,6 @@
 #include <cassert>
 #include <cstddef>
 #include <type_traits>
-#include <utility>
 
 namespace iim::detail {
 
@@ -176,18 +175,6 @@ protected:
       put_on(input.frame, input_wrench(input, ws.frame(input.frame), j), ws, lane);
       return;
     }
-    if constexpr (Workspace::update == Update::square_root) {
-      if (ws.loads_bodies(input.subsystem)) [[unlikely]] {
-        const Scalar& Bbar = ws.Bbar()(input.bbar + j);
-        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(input.subsystem, ws);
-        for (const auto& [frame, w] :
-             {std::pair(wrenches.frame, wrenches.on_frame), {wrenches.inlet, wrenches.on_inlet}}) {
-          unit_rows_.carry_inward(ws, frame);
-          put_on(frame, w * Bbar, ws, lane);
-        }
-        return;
-      }
-    }
     for (Index d = 0; d < input.velocities; ++d) {
       entry(rows_[at(input.v + d)], lane) = ws.Bbar()(input.bbar + j * input.velocities + d);
     }
@@ -195,6 +182,26 @@ protected:
       const Index frame = tree_->node(input.subsystem).frame;
       if (loads_[at(frame)] == 0) { applied(frame).fill(zero()); }
       loads_[at(frame)] = by_input;
+    }
+  }
+
+  /// Loads on the velocities of a subsystem between heavy bodies, as wrenches on these (OpposedWrenches). S: its
+  /// columns.
+  template <class Workspace>
+  [[gnu::cold, gnu::noinline]] void load_bodies(const Node& node, const Scalar* S, int n_i, const Workspace& ws)
+  {
+    for (int d = 0; d < n_i; ++d) {
+      Lane& load = rows_[at(node.v + d)];
+      for (int l = 0; l < width; ++l) {
+        const Scalar size = entry(load, l);
+        if (size == Scalar(0)) { continue; }
+        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
+        unit_rows_.carry_inward(ws, wrenches.frame);
+        put_on(wrenches.frame, wrenches.on_frame * size, ws, l);
+        unit_rows_.carry_inward(ws, wrenches.inlet);
+        put_on(wrenches.inlet, wrenches.on_inlet * size, ws, l);
+      }
+      load = zero();
     }
   }
 
@@ -206,9 +213,10 @@ protected:
       if (ws.is_heavy(frame)) { share(ws, frame, w, lane); }
     }
     Six& wrench = applied(frame);
-    if (loads_[at(frame)] == 0) { wrench.fill(zero()); }
-    loads_[at(frame)] = by_input;
-    for (int c = 0; c < 6; ++c) { entry(wrench[at(c)], lane) = w(c); }
+    char& load = loads_[at(frame)];
+    if ((load & by_input) == 0) { wrench.fill(zero()); }
+    load = static_cast<char>(load | by_input);
+    for (int c = 0; c < 6; ++c) { entry(wrench[at(c)], lane) += w(c); }
     if constexpr (Workspace::update == Update::square_root) {
       const RootInertia<Scalar>& f = ws.root(frame);
       for (int c = 0; c < 6 && f.keeps_v; ++c) { entry(along_[at(frame)], lane) += f.S(c) * w(c); }

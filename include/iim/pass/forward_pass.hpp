@@ -64,8 +64,10 @@ public:
       for (Index j = 0; j < input.size; ++j) {
         const auto Bbar = ws_.Bbar().segment(input.bbar + j * rows, rows);
         if constexpr (Data::update == Update::square_root) {
-          if (ws_.loads_bodies(input.subsystem)) [[unlikely]] {
-            const auto wrenches = opposed_wrenches(input.subsystem, ws_);
+          const Node& node = ws_.tree().node(input.subsystem);
+          const RootInertia<Scalar>& own = ws_.root(node.frame);
+          if (rows == 1 && own.keeps_v && ws_.loads_bodies(node.index)) [[unlikely]] {
+            const auto wrenches = opposed_wrenches(node, own.S.data(), 1, 0, ws_);
             apply(wrenches.frame, wrenches.on_frame * (Bbar(0) * u(column + j)));
             apply(wrenches.inlet, wrenches.on_inlet * (Bbar(0) * u(column + j)));
             continue;

@@ -14,8 +14,8 @@ namespace iim::detail {
 
 /// Frames of a tree whose body has 256 times the mass, or moment of inertia, of a body further inward: what a force on
 /// less loses is a few ε (4 for a load of 256 kg on links of 1 kg). Beyond a joint of several velocities that hangs on
-/// what such a joint, or a free frame, carries, 8 times those of the latter: it moves almost freely, and what its
-/// lightness makes of roundings is lost (16 times: 6000 ε for a base of 10⁻³).
+/// what such a joint, or a free frame, carries, those that with all beyond them have 8 times what the latter has: it
+/// moves almost freely, and what its lightness makes of roundings is lost (6000 ε for a base of 10⁻³).
 template <class Scalar>
 class HeavyFrames {
 public:
@@ -28,8 +28,12 @@ public:
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
       const Size inlet = of(tree.inlet_mass(node.index));
-      body[at(node.inlet)].mass += inlet.mass;
-      body[at(node.inlet)].moment += inlet.moment;
+      body[at(node.inlet)].add(inlet);
+    }
+    Array<Size> beyond(at(tree.size()));  // of a subsystem and all that it carries
+    for (Index i = tree.size(); i-- > 0;) {
+      for (Index f = tree.node(i).frame; f < tree.end_of_frames(i); ++f) { beyond[at(i)].add(central(tree, f)); }
+      if (tree.node(i).parent >= 0) { beyond[at(tree.node(i).parent)].add(beyond[at(i)]); }
     }
     Array<Size> lightest(at(tree.size()));  // of those inward of a subsystem
     Array<Size> loose(at(tree.size()));     // of those that can move along a joint of several velocities
@@ -44,9 +48,9 @@ public:
         loose[at(node.index)] = smaller(loose[at(node.parent)], body[at(node.inlet)]);
       }
       for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
-        const FrameMass<Scalar>& own = tree.frame_mass(f);
-        const Size size{own.mass, sum_of_moments(own.central_inertia)};
-        if (!outweighs(size, light, 256) && !outweighs(size, loose[at(node.index)], 8)) { continue; }
+        const bool is_heavy = outweighs(central(tree, f), light, 256),
+                   moves_loose = outweighs(beyond[at(node.index)], loose[at(node.index)], 8);
+        if (!is_heavy && !moves_loose) { continue; }
         any = true;
         frame[at(f)] = 1;
         for (Index i = node.index; i >= 0 && subsystem[at(i)] == 0; i = tree.node(i).parent) { subsystem[at(i)] = 1; }
@@ -66,15 +70,23 @@ public:
   /// Whether subsystem i has such a frame, or one lies beyond it.
   bool carries(Index i) const { return any() && subsystem_[at(i)] != 0; }
 
-  /// Whether a load on subsystem i, of one velocity, is one between two such frames, and further inward a joint of
-  /// several velocities hangs on what such a joint, or a free frame, carries: the load of W that reaches this acts
-  /// along none of them, but by roundings, and what is light there moves by these.
+  /// Whether a load on subsystem i, of one frame, acts between two such frames beyond such a joint: the load of W that
+  /// reaches this acts along none of its velocities, but by roundings.
   bool is_between(Index i) const { return any() && between_[at(i)] != 0; }
 
 private:
   struct Size {
     Scalar mass = Scalar(0), moment = Scalar(0);  ///< 0: none
+    void add(const Size& other)
+    {
+      mass += other.mass;
+      moment += other.moment;
+    }
   };
+  static Size central(const TreeData<Scalar>& tree, Index f)
+  {
+    return {tree.frame_mass(f).mass, sum_of_moments(tree.frame_mass(f).central_inertia)};
+  }
 
   static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
   static bool is_positive(const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); }
@@ -95,7 +107,7 @@ private:
                                        const TreeData<Scalar>& tree)
   {
     const bool one_frame = tree.end_of_frames(node.index) == node.frame + 1;
-    if (node.inlet < 0 || tree.velocities(node.index) != 1 || !one_frame) { return false; }
+    if (node.inlet < 0 || tree.velocities(node.index) == 0 || !one_frame) { return false; }
     return heavy[at(node.frame)] != 0 && heavy[at(node.inlet)] != 0 &&
            (is_positive(loose.mass) || is_positive(loose.moment));
   }

@@ -17,11 +17,14 @@
 #include <iim/workspace.hpp>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
 
 namespace iim::detail {
 
-/// A load of 1 on the one velocity of a subsystem as a wrench w on its frame, S·w = 1, and −w on its inlet.
+/// A load of 1 on velocity d of a subsystem with one frame as a wrench w on that, S_e·w = 1 for e = d and 0 for others,
+/// and −w on its inlet.
 template <class Scalar>
 struct OpposedWrenches {
   Index frame, inlet;
@@ -30,19 +33,34 @@ struct OpposedWrenches {
 /// The load of W on the inlet, W S = 1, is a difference of what acts on the bodies beyond. Where light ones further
 /// inward move freely along it (HeavyFrames::is_between), these two go through Q instead, as wrenches of inputs do. (A
 /// base of 10⁻⁶ of the limb that hangs on it by a universal joint: the column of the next motor 10⁷ ε without this.)
+/// S: columns, one after the other.
 template <class Workspace>
-[[gnu::cold]] OpposedWrenches<typename Workspace::Scalar> opposed_wrenches(Index i, const Workspace& ws)
+[[gnu::cold]] OpposedWrenches<typename Workspace::Scalar> opposed_wrenches(const Node& node,
+                                                                           const typename Workspace::Scalar* S, int n_i,
+                                                                           int d, const Workspace& ws)
 {
+  using std::sqrt;
   using Scalar = typename Workspace::Scalar;
-  const Node& node = ws.tree().node(i);
-  OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, ws.root(node.frame).S, {}};
-  const Scalar size = wrenches.on_frame.squaredNorm();
-  for (int k = 0; k < 6; ++k) { wrenches.on_frame(k) = wrenches.on_frame(k) / size; }
+  const auto column = [S](int e) -> Vector6<Scalar> { return Eigen::Map<const Vector6<Scalar>>(S + 6 * e); };
+  OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, column(d), {}};
+  Vector6<Scalar>& w = wrenches.on_frame;
+  std::array<Vector6<Scalar>, 6> others;  // orthonormal
+  int count = 0;
+  for (int e = 0; e < n_i; ++e) {
+    if (e == d) { continue; }
+    Vector6<Scalar> other = column(e);
+    for (int k = 0; k < count; ++k) {
+      other -= others[static_cast<std::size_t>(k)] * others[static_cast<std::size_t>(k)].dot(other);
+    }
+    other = other * Scalar(Scalar(1) / Scalar(sqrt(other.squaredNorm())));
+    w -= other * other.dot(w);
+    others[static_cast<std::size_t>(count++)] = other;
+  }
+  w = w * Scalar(Scalar(1) / w.dot(column(d)));
   const FrameState<Scalar>& inlet = ws.frame(node.inlet);
   Vector3<Scalar> r = inlet.r;
-  add(r, times(inlet.R, ws.tree().placement(i).p));
-  wrenches.on_inlet = shift_wrench(r, wrenches.on_frame);
-  for (int k = 0; k < 6; ++k) { wrenches.on_inlet(k) = -wrenches.on_inlet(k); }
+  add(r, times(inlet.R, ws.tree().placement(node.index).p));
+  wrenches.on_inlet = -shift_wrench(r, w);
   return wrenches;
 }
 
