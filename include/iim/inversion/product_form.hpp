@@ -72,13 +72,19 @@ protected:
       if (step.needed == node.path_v) { limb = ws.free_limb(node.index); }
       if (limb != nullptr) [[unlikely]] { inlet = apart_from(ws.free_axis_of(*limb), node); }
     }
+    if constexpr (shares_motion<S, Workspace> && S::n_i > 0) {
+      if (ws.loads_bodies(node.index)) [[unlikely]] {  // H of its own may take the place of the inlet's
+        project_on_body(ws, node, state.S_k[0].data(), S::n_i, false);
+      }
+    }
     propagate<S>(ws, node, state, step, inlet);
     if constexpr (follows_free_axis<S, Workspace>) {
       if (limb != nullptr) [[unlikely]] { follow(*limb, ws.free_axis_of(*limb).last, node, state.S_k[0], step); }
     }
-    for (std::size_t k = step.projections; k < step.projections_end; ++k) {
-      project<S>(ws, node, state, projections_[k]);
+    if constexpr (shares_motion<S, Workspace> && S::n_i > 0) {
+      if (ws.loads_bodies(node.index)) [[unlikely]] { project_on_body(ws, node, state.S_k[0].data(), S::n_i, true); }
     }
+    for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
   }
 
   /// Steps 2 and 3. outward_loop: calls outward for all subsystems.
@@ -117,8 +123,7 @@ protected:
   }
 
   template <class S, class Workspace>
-  [[gnu::always_inline]] void project(const Workspace& ws, const Node& node,
-                                      [[maybe_unused]] const NodeMemory<S>& state, const Projection& projection)
+  [[gnu::always_inline]] void project(const Workspace& ws, const Node& node, const Projection& projection)
   {
     const Input<Scalar>& input = inputs_.inputs().block(projection.block);
     const Index depth = node.path_v + S::n_i;
@@ -126,9 +131,7 @@ protected:
     if constexpr (S::n_i > 0) {
       if (input.kind == InputKind::motor) {
         if constexpr (shares_motion<S, Workspace>) {
-          if (ws.loads_bodies(node.index)) [[unlikely]] {
-            return project_on_bodies(ws, node, state.S_k[0].data(), S::n_i, input, beta);
-          }
+          if (ws.loads_bodies(node.index)) [[unlikely]] { return; }
         }
         project_motor<S>(ws, input, beta, depth);
         return;
@@ -341,22 +344,26 @@ protected:
     }
   }
 
-  /// β of motors between two heavy bodies (OpposedWrenches). S: columns.
+  /// β of motors between two heavy bodies (OpposedWrenches): what is on the inlet's, and after it what is on the own.
+  /// S: columns.
   template <class Workspace>
-  [[gnu::cold]] void project_on_bodies(const Workspace& ws, const Node& node, const Scalar* S, int n_i,
-                                       const Input<Scalar>& input, Scalar* beta)
+  [[gnu::cold, gnu::noinline]] void project_on_body(const Workspace& ws, const Node& node, const Scalar* S, int n_i,
+                                                    bool own)
   {
-    const Index inlet_depth = node.path_v, depth = inlet_depth + n_i;
-    for (Index j = 0; j < input.size; ++j, beta += depth_) {
-      std::fill(beta, beta + depth, Scalar(0));
-      for (int d = 0; d < n_i; ++d) {
-        const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
-        if (Bbar == Scalar(0)) { continue; }
-        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
-        unit_rows_.carry_inward(ws, wrenches.frame);
-        add_on_rows(ws, wrenches.frame, wrenches.on_frame * Bbar, beta, depth);
-        unit_rows_.carry_inward(ws, wrenches.inlet);
-        add_on_rows(ws, wrenches.inlet, wrenches.on_inlet * Bbar, beta, inlet_depth);
+    const Step& step = steps_[at(node.index)];
+    const Index depth = node.path_v + (own ? n_i : 0), frame = own ? node.frame : node.inlet;
+    for (std::size_t k = step.projections; k < step.projections_end; ++k) {
+      const Input<Scalar>& input = inputs_.inputs().block(projections_[k].block);
+      if (input.kind != InputKind::motor) { continue; }
+      unit_rows_.carry_inward(ws, frame);
+      Scalar* beta = row(first_beta_ + projections_[k].column);
+      for (Index j = 0; j < input.size; ++j, beta += depth_) {
+        if (!own) { std::fill(beta, beta + node.path_v + n_i, Scalar(0)); }
+        for (int d = 0; d < n_i; ++d) {
+          const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
+          const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
+          add_on_rows(ws, frame, (own ? wrenches.on_frame : wrenches.on_inlet) * Bbar, beta, depth);
+        }
       }
     }
   }
