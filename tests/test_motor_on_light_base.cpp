@@ -23,7 +23,19 @@ using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>, SphericalLink
 
 enum class First { ball, plane, along, cross };
 
-/// One or two limbs of five joints: the first as said, then a revolute one, a geared one, a slide, and a universal one.
+/// Every other one a rod, which turns about itself without inertia: its rows do not carry all wrenches.
+Body<double> link(test::Random& random)
+{
+  Body<double> body = random.body();
+  if (random.chance(0.5)) {
+    const Vector3<double> along = random.unit();
+    body.inertia = body.mass / 50 * (Matrix3<double>::Identity() - along * along.transpose());
+  }
+  return body;
+}
+
+/// One or two limbs of five joints: the first as said, then a revolute one, a geared one, a slide, and a universal or
+/// planar one.
 Parts robot(First first, int limbs, double lightness, test::Random& random)
 {
   Parts assembly;
@@ -38,21 +50,25 @@ Parts robot(First first, int limbs, double lightness, test::Random& random)
     if (limb > 0) { on.R << 0, 0, 1, 1, 0, 0, 0, 1, 0; }  // in two parallel planes a base moves in three ways
     const std::string name = std::to_string(limb);
     switch (first) {
-      case First::ball: assembly.add(name, on, SphericalLink<double>{{}, random.body()}); break;
-      case First::plane: assembly.add(name, on, PlanarLink<double>{{}, random.body()}); break;
-      case First::along: assembly.add(name, on, CylindricalLink<double>{{}, random.body()}); break;
-      case First::cross: assembly.add(name, on, UniversalLink<double>{{}, random.body()}); break;
+      case First::ball: assembly.add(name, on, SphericalLink<double>{{}, link(random)}); break;
+      case First::plane: assembly.add(name, on, PlanarLink<double>{{}, link(random)}); break;
+      case First::along: assembly.add(name, on, CylindricalLink<double>{{}, link(random)}); break;
+      case First::cross: assembly.add(name, on, UniversalLink<double>{{}, link(random)}); break;
     }
     on.parent = name;
     on.R.setIdentity();
     on.p = random.vector(0.5);
-    assembly.add(name + "1", on, RevoluteLink<double>{{random.unit()}, random.body()});
+    assembly.add(name + "1", on, RevoluteLink<double>{{random.unit()}, link(random)});
     on.parent = name + "1";
-    assembly.add(name + "2", on, MotorArm<double>{{random.unit()}, random.body(), random.motor()});
+    assembly.add(name + "2", on, MotorArm<double>{{random.unit()}, link(random), random.motor()});
     on.parent = name + "2";
-    assembly.add(name + "3", on, PrismaticLink<double>{{random.unit()}, random.body()});
+    assembly.add(name + "3", on, PrismaticLink<double>{{random.unit()}, link(random)});
     on.parent = name + "3";
-    assembly.add(name + "4", on, UniversalLink<double>{{}, random.body()});
+    if (random.chance(0.5)) {
+      assembly.add(name + "4", on, UniversalLink<double>{{}, link(random)});
+    } else {
+      assembly.add(name + "4", on, PlanarLink<double>{{}, link(random)});
+    }
   }
   return assembly;
 }
@@ -142,7 +158,7 @@ void check(First first, const Errors& errors)
   const double bound = first == First::plane ? 4096 : 512;
   CHECK(errors.sweep < bound);
   CHECK(errors.product < bound);
-  CHECK(errors.loaded < bound);
+  CHECK(errors.loaded < 2048);  // loads may nearly cancel
   CHECK(errors.states > 50);
 }
 

@@ -74,7 +74,7 @@ protected:
     }
     if constexpr (shares_motion<S, Workspace> && S::n_i > 0) {
       if (ws.loads_bodies(node.index)) [[unlikely]] {  // H of its own may take the place of the inlet's
-        project_on_body(ws, node, state.S_k[0].data(), S::n_i, false);
+        project_on_body(ws, node, state.S_k[0].data(), S::n_i, state.r, false);
       }
     }
     propagate<S>(ws, node, state, step, inlet);
@@ -82,7 +82,9 @@ protected:
       if (limb != nullptr) [[unlikely]] { follow(*limb, ws.free_axis_of(*limb).last, node, state.S_k[0], step); }
     }
     if constexpr (shares_motion<S, Workspace> && S::n_i > 0) {
-      if (ws.loads_bodies(node.index)) [[unlikely]] { project_on_body(ws, node, state.S_k[0].data(), S::n_i, true); }
+      if (ws.loads_bodies(node.index)) [[unlikely]] {
+        project_on_body(ws, node, state.S_k[0].data(), S::n_i, state.r, true);
+      }
     }
     for (std::size_t k = step.projections; k < step.projections_end; ++k) { project<S>(ws, node, projections_[k]); }
   }
@@ -345,10 +347,10 @@ protected:
   }
 
   /// β of motors between two heavy bodies (OpposedWrenches): what is on the inlet's, and after it what is on the own.
-  /// S: columns.
+  /// S, r: as opposed_wrenches has them.
   template <class Workspace>
   [[gnu::cold, gnu::noinline]] void project_on_body(const Workspace& ws, const Node& node, const Scalar* S, int n_i,
-                                                    bool own)
+                                                    const Vector3<Scalar>& r, bool own)
   {
     const Step& step = steps_[at(node.index)];
     const Index depth = node.path_v + (own ? n_i : 0), frame = own ? node.frame : node.inlet;
@@ -361,7 +363,7 @@ protected:
         if (!own) { std::fill(beta, beta + node.path_v + n_i, Scalar(0)); }
         for (int d = 0; d < n_i; ++d) {
           const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
-          const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
+          const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
           add_on_rows(ws, frame, (own ? wrenches.on_frame : wrenches.on_inlet) * Bbar, beta, depth);
         }
       }

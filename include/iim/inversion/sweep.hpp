@@ -65,7 +65,7 @@ protected:
     const FreeLimb<Scalar>* limb = nullptr;
     if constexpr (follows_free_axis<S, Workspace>) { limb = ws.free_limb(node.index); }
     if constexpr (shares_motion<S, Workspace> && n_i > 0) {
-      if (ws.loads_bodies(node.index)) [[unlikely]] { this->load_bodies(node, state.S_k[0].data(), n_i, ws); }
+      if (ws.loads_bodies(node.index)) [[unlikely]] { this->load_bodies(node, state.S_k[0].data(), n_i, state.r, ws); }
     }
     [[maybe_unused]] const bool loaded = loads_[at(node.frame)] != 0;
     std::array<Six, S::n_frames> p_k;

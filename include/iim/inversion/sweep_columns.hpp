@@ -185,17 +185,18 @@ protected:
     }
   }
 
-  /// Loads on the velocities of a subsystem between heavy bodies, as wrenches on these (OpposedWrenches). S: its
-  /// columns.
+  /// Loads on the velocities of a subsystem between heavy bodies, as wrenches on these. S, r: as
+  /// opposed_wrenches has them.
   template <class Workspace>
-  [[gnu::cold, gnu::noinline]] void load_bodies(const Node& node, const Scalar* S, int n_i, const Workspace& ws)
+  [[gnu::cold, gnu::noinline]] void load_bodies(const Node& node, const Scalar* S, int n_i, const Vector3<Scalar>& r,
+                                                const Workspace& ws)
   {
     for (int d = 0; d < n_i; ++d) {
       Lane& load = rows_[at(node.v + d)];
       for (int l = 0; l < width; ++l) {
         const Scalar size = entry(load, l);
         if (size == Scalar(0)) { continue; }
-        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, ws);
+        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
         unit_rows_.carry_inward(ws, wrenches.frame);
         put_on(wrenches.frame, wrenches.on_frame * size, ws, l);
         unit_rows_.carry_inward(ws, wrenches.inlet);

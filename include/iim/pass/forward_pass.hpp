@@ -19,7 +19,6 @@
 #include <iim/pass/kinematics.hpp>
 #include <iim/receipt.hpp>
 #include <iim/spatial.hpp>
-#include <iim/square_root/unit_rows.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
@@ -62,18 +61,7 @@ public:
       }
       const Index rows = input.velocities;
       for (Index j = 0; j < input.size; ++j) {
-        const auto Bbar = ws_.Bbar().segment(input.bbar + j * rows, rows);
-        if constexpr (Data::update == Update::square_root) {
-          const Node& node = ws_.tree().node(input.subsystem);
-          const RootInertia<Scalar>& own = ws_.root(node.frame);
-          if (rows == 1 && own.keeps_v && ws_.loads_bodies(node.index)) [[unlikely]] {
-            const auto wrenches = opposed_wrenches(node, own.S.data(), 1, 0, ws_);
-            apply(wrenches.frame, wrenches.on_frame * (Bbar(0) * u(column + j)));
-            apply(wrenches.inlet, wrenches.on_inlet * (Bbar(0) * u(column + j)));
-            continue;
-          }
-        }
-        ws_.load().segment(input.v, rows) += Bbar * u(column + j);
+        ws_.load().segment(input.v, rows) += ws_.Bbar().segment(input.bbar + j * rows, rows) * u(column + j);
       }
     });
   }

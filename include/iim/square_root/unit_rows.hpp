@@ -30,36 +30,86 @@ struct OpposedWrenches {
   Index frame, inlet;
   Vector6<Scalar> on_frame, on_inlet;  ///< at their coupling points
 };
+
+/// Orthonormal columns.
+template <class Scalar>
+class OrthonormalTwists {
+public:
+  /// Nothing where no more than `least` of x² is left beside those that there are.
+  void add(const Vector6<Scalar>& x, const Scalar& least)
+  {
+    using std::sqrt;
+    if (count_ == 6) { return; }
+    const Vector6<Scalar> rest = beyond(beyond(x));
+    const Scalar size = rest.squaredNorm();
+    if (!ScalarTraits<Scalar>::is_positive(size - least * x.squaredNorm())) { return; }
+    column_[static_cast<std::size_t>(count_++)] = rest * Scalar(Scalar(1) / Scalar(sqrt(size)));
+  }
+  Vector6<Scalar> beyond(Vector6<Scalar> x) const
+  {
+    for (int k = 0; k < count_; ++k) {
+      const Vector6<Scalar>& q = column_[static_cast<std::size_t>(k)];
+      x -= q * Scalar(q.dot(x));
+    }
+    return x;
+  }
+
+private:
+  std::array<Vector6<Scalar>, 6> column_;
+  int count_ = 0;
+};
+
+/// How the body on a frame moves without inertia if it is a rod, of five rows, at its coupling point; zero if it is
+/// not.
+template <class Workspace>
+[[gnu::cold]] Vector6<typename Workspace::Scalar> idle_motion(Index frame, const Workspace& ws)
+{
+  using Scalar = typename Workspace::Scalar;
+  const auto& own = ws.root(frame).own;
+  Vector6<Scalar> most = Vector6<Scalar>::Zero();
+  if (ws.frame_body(frame).rows != 5) { return most; }
+  OrthonormalTwists<Scalar> rows;
+  for (int k = 0; k < 5; ++k) {
+    Vector6<Scalar> row;
+    for (int i = 0; i < 6; ++i) { row(i) = own.at(i, k); }
+    rows.add(row, Scalar(0));
+  }
+  for (int i = 0; i < 6; ++i) {
+    const Vector6<Scalar> rest = rows.beyond(rows.beyond(Vector6<Scalar>::Unit(i)));
+    if (ScalarTraits<Scalar>::is_positive(rest.squaredNorm() - most.squaredNorm())) { most = rest; }
+  }
+  return most;
+}
+
 /// The load of W on the inlet, W S = 1, is a difference of what acts on the bodies beyond. Where light ones further
 /// inward move freely along it (HeavyFrames::is_between), these two go through Q instead, as wrenches of inputs do. (A
 /// base of 10⁻⁶ of the limb that hangs on it by a universal joint: the column of the next motor 10⁷ ε without this.)
-/// S: columns, one after the other.
+/// S: columns, one after the other. r: from the inlet's coupling point to its own.
 template <class Workspace>
 [[gnu::cold]] OpposedWrenches<typename Workspace::Scalar> opposed_wrenches(const Node& node,
                                                                            const typename Workspace::Scalar* S, int n_i,
-                                                                           int d, const Workspace& ws)
+                                                                           int d,
+                                                                           const Vector3<typename Workspace::Scalar>& r,
+                                                                           const Workspace& ws)
 {
-  using std::sqrt;
   using Scalar = typename Workspace::Scalar;
   const auto column = [S](int e) -> Vector6<Scalar> { return Eigen::Map<const Vector6<Scalar>>(S + 6 * e); };
   OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, column(d), {}};
   Vector6<Scalar>& w = wrenches.on_frame;
-  std::array<Vector6<Scalar>, 6> others;  // orthonormal
-  int count = 0;
+  OrthonormalTwists<Scalar> others;
   for (int e = 0; e < n_i; ++e) {
-    if (e == d) { continue; }
-    Vector6<Scalar> other = column(e);
-    for (int k = 0; k < count; ++k) {
-      other -= others[static_cast<std::size_t>(k)] * others[static_cast<std::size_t>(k)].dot(other);
-    }
-    other = other * Scalar(Scalar(1) / Scalar(sqrt(other.squaredNorm())));
-    w -= other * other.dot(w);
-    others[static_cast<std::size_t>(count++)] = other;
+    if (e != d) { others.add(column(e), Scalar(0)); }
   }
+  w = others.beyond(w);
+  // Nor along what a rod does without inertia: its rows carry the wrench then. But not at any price.
+  for (const Index frame : {node.frame, node.inlet}) {
+    const Vector6<Scalar> still = idle_motion(frame, ws);
+    others.add(frame == node.frame ? still : shift_twist(r, still), Scalar(1e-6));
+  }
+  const Vector6<Scalar> carried = others.beyond(w);
+  const Scalar left = carried.squaredNorm() - Scalar(1e-3) * w.squaredNorm();
+  if (ScalarTraits<Scalar>::is_positive(left)) { w = carried; }
   w = w * Scalar(Scalar(1) / w.dot(column(d)));
-  const FrameState<Scalar>& inlet = ws.frame(node.inlet);
-  Vector3<Scalar> r = inlet.r;
-  add(r, times(inlet.R, ws.tree().placement(node.index).p));
   wrenches.on_inlet = -shift_wrench(r, w);
   return wrenches;
 }
