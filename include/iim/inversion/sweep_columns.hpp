@@ -185,8 +185,8 @@ protected:
     }
   }
 
-  /// Loads on the velocities of a subsystem between heavy bodies, as wrenches on these. S, r: as
-  /// opposed_wrenches has them.
+  /// Loads on the velocities of a subsystem between heavy bodies, as wrenches on these. S, r: as opposed_wrenches has
+  /// them.
   template <class Workspace>
   [[gnu::cold, gnu::noinline]] void load_bodies(const Node& node, const Scalar* S, int n_i, const Vector3<Scalar>& r,
                                                 const Workspace& ws)

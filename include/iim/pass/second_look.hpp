@@ -9,10 +9,11 @@
 // What is wrong is not to hide behind what moves more: robots that do not move each other are judged apart, and besides
 // each velocity against what loads move it by. (Without, a hand of 1 g hid that an arm under 10⁷ kg was wrong by 90 %.)
 //
-// Only where a pivot is below 2¹³ ε of its scale. In double that takes loads of 10⁹ times a robot's weight; other
-// states pay 1 % of the pass at most. (Before pivots were mended under loads as well, which most then are
-// (weak_pivot.hpp), float, seven links, loads of 10³ to 10⁷ kg, 32000 states: 22474 come back, none off by more than
-// 0.4 %. With a pivot below 192 ε of its scale as zero 17683 did, 67 of them off by more than 1 %.)
+// M⁻¹ is looked at only where a pivot is below 2¹³ ε of its scale (q̈ wherever a pivot is mended, too). In double that
+// takes loads of 10⁹ times a robot's weight; other states pay 1 % of the pass at most. (Before pivots were mended under
+// loads as well, which most then are (weak_pivot.hpp), float, seven links, loads of 10³ to 10⁷ kg, 32000 states: 22474
+// come back, none off by more than 0.4 %. With a pivot below 192 ε of its scale as zero 17683 did, 67 of them off by
+// more than 1 %.)
 #pragma once
 
 #include <iim/body.hpp>

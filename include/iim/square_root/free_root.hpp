@@ -36,8 +36,7 @@
 namespace iim::detail {
 
 /// S of a free frame: the column of the joint `child` that hangs on it, or what joints on it have in common, and v of
-/// the frame's own rows. Before the
-/// inward loop.
+/// the frame's own rows. Before the inward loop.
 template <class Workspace>
 void set_free_axis(const FreeAxis<typename Workspace::Scalar>& axis, Workspace& ws)
 {
