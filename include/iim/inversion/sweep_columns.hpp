@@ -104,7 +104,7 @@ protected:
     for (const Node& node : tree_->nodes()) {
       if (own_[at(node.index)].free || (node.parent >= 0 && own_[at(node.parent)].free)) { add(node.frame); }
     }
-    const HeavyFrames<Scalar> heavy(*tree_);
+    const HeavyFrames<Scalar> heavy = unit_rows_.are_needed() ? HeavyFrames<Scalar>(*tree_) : HeavyFrames<Scalar>();
     for (Index id = 0; id < sorted_.inputs().blocks(); ++id) {
       const Input<Scalar>& input = sorted_.inputs().block(id);
       if (input.kind != InputKind::motor) {
@@ -140,10 +140,8 @@ protected:
       shared_ = false;
     };
     sorted_.number_columns();
+    carried_ = -1;
     sorted_.for_each([&](const Input<Scalar>& input, Index column) {
-      if constexpr (Workspace::update == Update::square_root) {
-        if (input.kind != InputKind::motor && ws.is_heavy(input.frame)) { unit_rows_.carry_inward(ws, input.frame); }
-      }
       for (Index j = 0; j < input.size; ++j) {
         columns[at(lane)] = column + j;
         act(ws, input, j, lane++);
@@ -197,16 +195,14 @@ protected:
         const Scalar size = entry(load, l);
         if (size == Scalar(0)) { continue; }
         const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
-        unit_rows_.carry_inward(ws, wrenches.frame);
         put_on(wrenches.frame, wrenches.on_frame * size, ws, l);
-        unit_rows_.carry_inward(ws, wrenches.inlet);
         put_on(wrenches.inlet, wrenches.on_inlet * size, ws, l);
       }
       load = zero();
     }
   }
 
-  /// A wrench on a frame. Of a heavy one, what was done to its rows is known.
+  /// A wrench on a frame.
   template <class Workspace>
   void put_on(Index frame, Vector6<Scalar> w, const Workspace& ws, int lane)
   {
@@ -228,6 +224,8 @@ protected:
   template <class Workspace>
   void share(const Workspace& ws, Index frame, Vector6<Scalar>& w, int lane)
   {
+    if (carried_ != frame) { unit_rows_.carry_inward(ws, frame); }
+    carried_ = frame;
     const FrameState<Scalar>& f = ws.frame(frame);
     const RootRow<Scalar> z = put_on_rows(ws.frame_body(frame), f.R, f.bodies_at(), w);
     for (Index i = tree_->owner(frame); i >= 0; i = tree_->node(i).parent) {
@@ -293,6 +291,7 @@ protected:
   Array<Reach> reach_;
   Array<Own> own_;
   UnitRows<Scalar> unit_rows_;
+  Index carried_ = -1;   // the frame that they are of
   Array<Lane> shares_;   // of a unit force on a heavy body: z₁ of the velocity
   bool shared_ = false;  // whether some are not zero
 };

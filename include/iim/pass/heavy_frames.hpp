@@ -7,6 +7,7 @@
 #include <iim/spatial.hpp>
 #include <iim/tree_data.hpp>
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -24,32 +25,37 @@ public:
   {
     const auto of = [](const FrameMass<Scalar>& body) { return Size{body.mass, sum_of_moments(body.inertia)}; };
     Array<Size> body;  // on a frame, with what inlets carry there
+    body.reserve(at(tree.n_frames()));
     for (Index f = 0; f < tree.n_frames(); ++f) { body.push_back(of(tree.frame_mass(f))); }
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
       const Size inlet = of(tree.inlet_mass(node.index));
       body[at(node.inlet)].add(inlet);
     }
-    Array<Size> beyond(at(tree.size()));  // of a subsystem and all that it carries
-    for (Index i = tree.size(); i-- > 0;) {
+    const auto is_loose = [&](const Node& node) {
+      return node.parent >= 0 && tree.velocities(node.index) > 1 && tree.velocities(node.parent) > 1;
+    };
+    const bool any_loose = std::any_of(tree.nodes().begin(), tree.nodes().end(), is_loose);
+    Array<Size> beyond(any_loose ? at(tree.size()) : 0);  // of a subsystem and all that it carries
+    for (Index i = tree.size(); any_loose && i-- > 0;) {
       for (Index f = tree.node(i).frame; f < tree.end_of_frames(i); ++f) { beyond[at(i)].add(central(tree, f)); }
       if (tree.node(i).parent >= 0) { beyond[at(tree.node(i).parent)].add(beyond[at(i)]); }
     }
     Array<Size> lightest(at(tree.size()));  // of those inward of a subsystem
-    Array<Size> loose(at(tree.size()));     // of those that can move along a joint of several velocities
+    Array<Size> loose(beyond.size());       // of those that can move along a joint of several velocities
     Array<char> frame(body.size(), 0), subsystem(lightest.size(), 0);
     bool any = false;
     for (const Node& node : tree.nodes()) {
       if (node.inlet < 0) { continue; }
       Size& light = lightest[at(node.index)];
       light = smaller(lightest[at(node.parent)], body[at(node.inlet)]);
-      loose[at(node.index)] = loose[at(node.parent)];
-      if (tree.velocities(node.index) > 1 && tree.velocities(node.parent) > 1) {
-        loose[at(node.index)] = smaller(loose[at(node.parent)], body[at(node.inlet)]);
+      if (any_loose) {
+        loose[at(node.index)] = loose[at(node.parent)];
+        if (is_loose(node)) { loose[at(node.index)] = smaller(loose[at(node.parent)], body[at(node.inlet)]); }
       }
       for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
         const bool is_heavy = outweighs(central(tree, f), light, 256),
-                   moves_loose = outweighs(beyond[at(node.index)], loose[at(node.index)], 8);
+                   moves_loose = any_loose && outweighs(beyond[at(node.index)], loose[at(node.index)], 8);
         if (!is_heavy && !moves_loose) { continue; }
         any = true;
         frame[at(f)] = 1;
@@ -58,7 +64,7 @@ public:
     }
     if (any) {
       for (const Node& node : tree.nodes()) {
-        between_.push_back(is_between(node, frame, loose[at(node.index)], tree) ? 1 : 0);
+        between_.push_back(any_loose && is_between(node, frame, loose[at(node.index)], tree) ? 1 : 0);
       }
       frame_ = std::move(frame);
       subsystem_ = std::move(subsystem);
