@@ -167,43 +167,9 @@ private:
       const Vector3<Scalar>& g = ws.tree().gravity();
       y.linear = Triple<Scalar>(-g(0), -g(1), -g(2));
     }
-    const auto rate_of = [&](const Scalar* ratio, const Scalar* rates) {
-      Scalar rate(0);
-      for (int d = 0; d < n; ++d) { rate += ratio[d] * rates[d]; }
-      return rate;
-    };
     Scalar* const h = change_.data() + node.v;
-    const Scalar* const x = x_.data() + node.v;
     for (int d = 0; d < n; ++d) { h[d] = load_[at(node.v + d)]; }
-    const auto resist = [&](const Scalar& force, const Scalar* ratio) {
-      for (int d = 0; d < n; ++d) { h[d] -= ratio[d] * force; }
-    };
-    ws.bodies_beyond().for_each_rotor(node.index, [&](const auto& rotor, const Scalar* ratio) {
-      const bool on_inlet = rotor.frame < 0;
-      const Index frame = node.frame + std::max(rotor.frame, 0);
-      const FrameState<Scalar>& f = ws.frame(frame);
-      Triple<Scalar> axis = zero;
-      if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
-      const Triple<Scalar> turning = on_inlet ? y.angular : accelerations_[at(frame)].angular;
-      const Scalar force = rotor.inertia * (dot(axis, turning) + rate_of(ratio, x));
-      resist(force, ratio);
-      Triple<Scalar> moment = axis * force;
-      if (velocity) {
-        const Triple<Scalar> w = on_inlet ? omega : triple(f.omega);
-        moment += cross(w, axis) * (rotor.inertia * (dot(axis, w) + rate_of(ratio, part.qd)));
-      }
-      if (on_inlet) {
-        to_inlet.angular += moment;
-      } else {
-        const Pair turns(zero, moment);
-        forces_[at(frame)] += turns;
-        if constexpr (judged) { sizes_[at(frame)] += Sizes(turns); }
-      }
-    });
-    if (springs) {
-      ws.bodies_beyond().for_each_spring(
-          node.index, [&](const Scalar& inertia, const Scalar* ratio) { resist(inertia * rate_of(ratio, x), ratio); });
-    }
+    if (part.has_within) { balance_within(node, y, omega, judged, velocity, springs, ws, to_inlet); }
     to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R, zero, omega, y);
     const FreeLimb<Scalar>* const limb = ws.free_limb(node.index);
     Scalar of_limb(0);  // along the axis, what is on the inlet
@@ -235,7 +201,7 @@ private:
     // What passes through a free body, or a joint on one, does not act on it: it moves so that nothing does.
     const bool hangs_free = judged && (part.is_free || is_on_free(node, ws));
     Scalar* const scaled = scaled_.data();
-    for (int e = 0; e < n; ++e) { scaled[e] = rate_of(part.C + e * n, h); }
+    for (int e = 0; e < n; ++e) { scaled[e] = product_of(part.C + e * n, h, n); }
     if (part.is_free) { balance_along_axis(node, ws, scaled); }
     for (int d = 0; d < n; ++d) {
       const Pair W = part.gain(d);
@@ -262,6 +228,55 @@ private:
       sizes.moment += largest_of(part.place()) * sizes.force;
       sizes_[at(node.inlet)] += sizes;
     }
+  }
+
+  /// Rotors, and springs of an implicit step: to h, and to the inlet or the frame that carries them. y, omega: of the
+  /// inlet.
+  template <class Data>
+  [[gnu::noinline]] void balance_within(const Node& node, const Pair& y, const Triple<Scalar>& omega, bool judged,
+                                        bool velocity, bool springs, Data& ws, Pair& to_inlet)
+  {
+    const auto& part = ws.bodies_beyond().part(node.index);
+    Scalar* const h = change_.data() + node.v;
+    const Scalar* const x = x_.data() + node.v;
+    const auto resist = [&](const Scalar& force, const Scalar* ratio) {
+      for (int d = 0; d < part.n_i; ++d) { h[d] -= ratio[d] * force; }
+    };
+    const Triple<Scalar> zero = none().linear;
+    ws.bodies_beyond().for_each_rotor(node.index, [&](const auto& rotor, const Scalar* ratio) {
+      const bool on_inlet = rotor.frame < 0;
+      const Index frame = node.frame + std::max(rotor.frame, 0);
+      const FrameState<Scalar>& f = ws.frame(frame);
+      Triple<Scalar> axis = zero;
+      if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
+      const Triple<Scalar> turning = on_inlet ? y.angular : accelerations_[at(frame)].angular;
+      const Scalar force = rotor.inertia * (dot(axis, turning) + product_of(ratio, x, part.n_i));
+      resist(force, ratio);
+      Triple<Scalar> moment = axis * force;
+      if (velocity) {
+        const Triple<Scalar> w = on_inlet ? omega : triple(f.omega);
+        moment += cross(w, axis) * (rotor.inertia * (dot(axis, w) + product_of(ratio, part.qd, part.n_i)));
+      }
+      if (on_inlet) {
+        to_inlet.angular += moment;
+      } else {
+        const Pair turns(zero, moment);
+        forces_[at(frame)] += turns;
+        if (judged) { sizes_[at(frame)] += Sizes(turns); }
+      }
+    });
+    if (springs) {
+      ws.bodies_beyond().for_each_spring(node.index, [&](const Scalar& inertia, const Scalar* ratio) {
+        resist(inertia * product_of(ratio, x, part.n_i), ratio);
+      });
+    }
+  }
+
+  static Scalar product_of(const Scalar* a, const Scalar* b, int n)
+  {
+    Scalar sum(0);
+    for (int d = 0; d < n; ++d) { sum += a[d] * b[d]; }
+    return sum;
   }
 
   /// What passes through a child about the same axis has its load along S, but for roundings (weak_pivot.hpp): of the

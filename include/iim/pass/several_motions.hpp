@@ -79,7 +79,8 @@ public:
     Motions<Lane> y;
     for (Lane& x : y) { clear<Scalar>(x); }
     const auto never = [](auto&&...) { return false; };
-    move_with(node, 1, y, bodies, never, springs, ws, G);
+    move_frames(node, 1, y, bodies, never, ws, G);
+    if (bodies.has_more(node.index, ws)) { add_more(node, 1, y, bodies, springs, ws, G); }
     add_beyond(1, node, bodies, is_enough, springs, ws, G);
     copy(w_of(1, 0), wrench);
     for (int k = 1; k < bodies.part(node.index).n_frames; ++k) { add(w_of(1, k), wrench); }
@@ -127,32 +128,26 @@ private:
       qdd_[at(d)] =
           -(y[0] * W[0] + y[1] * W[n] + y[2] * W[2 * n] + y[3] * W[3 * n] + y[4] * W[4 * n] + y[5] * W[5 * n]);
     }
+    Lane rates;
+    clear<Scalar>(rates);
     if (limb != nullptr) [[unlikely]] {
-      Lane rates = *rates_;
+      rates = *rates_;
       if (limb->sense == Sense::opposite) { rates *= Scalar(-1); }
       qdd_[0] += rates * limb->slip;
-      const bool whole = move_frames(node, depth, y, bodies, is_enough, ws, G);
-      if (bodies.has_more(node.index, ws)) {
+    }
+    const bool whole = move_frames(node, depth, y, bodies, is_enough, ws, G);
+    if (bodies.has_more(node.index, ws)) {
+      if (limb != nullptr) [[unlikely]] {
         qdd_[0] -= rates;
 #pragma GCC unroll 8
         for (std::size_t i = 0; i < 6; ++i) { y[i] += rates * part.S[i]; }
-        add_more(node, depth, y, bodies, springs, ws, G);
       }
-      return whole;
+      add_more(node, depth, y, bodies, springs, ws, G);
     }
-    return move_with(node, depth, y, bodies, is_enough, springs, ws, G);
-  }
-
-  /// With guidance accelerations y and qdd_.
-  template <class Bodies, class Data, class Sum, class IsEnough>
-  [[gnu::always_inline]] bool move_with(const Node& node, Index depth, const Motions<Lane>& y, const Bodies& bodies,
-                                        const IsEnough& is_enough, bool springs, const Data& ws, Sum& G)
-  {
-    const bool whole = move_frames(node, depth, y, bodies, is_enough, ws, G);
-    if (bodies.has_more(node.index, ws)) { add_more(node, depth, y, bodies, springs, ws, G); }
     return whole;
   }
-  /// The same without what else there is but frames.
+
+  /// The frames, with guidance accelerations y and qdd_.
   template <class Bodies, class Data, class Sum, class IsEnough>
   [[gnu::always_inline]] bool move_frames(const Node& node, Index depth, const Motions<Lane>& y, const Bodies& bodies,
                                           const IsEnough& is_enough, const Data& ws, Sum& G)
@@ -226,7 +221,7 @@ private:
 
   /// What subsystems from `depth` on, of which nothing more is to come, hand on.
   template <class Bodies, class Data>
-  [[gnu::always_inline]] void come_back(Index depth, const Bodies& bodies, const Data& ws)
+  [[gnu::noinline]] void come_back(Index depth, const Bodies& bodies, const Data& ws)
   {
     for (; deepest_ >= depth; --deepest_) {
       if (!has_wrench_) { continue; }
