@@ -36,7 +36,7 @@ Index column_stride(Index n_v)
 /// q̈ = qdd0 + Bhat·u at one state. Refers to memory of the method that made it; good until its next use.
 /// If status is not ok, qdd0 and Bhat hold NaN.
 template <class Scalar>
-struct AffineDynamics {
+struct [[nodiscard]] AffineDynamics {
   Eigen::Map<const VectorX<Scalar>> qdd0;  ///< n_v [rad/s², m/s²]
   /// n_v × m, columns in the order of the active inputs; in memory Bhat.outerStride() ≥ n_v numbers apart.
   Eigen::Map<const MatrixX<Scalar>, 0, Eigen::OuterStride<>> Bhat;
@@ -48,7 +48,7 @@ struct AffineDynamics {
 
 /// The same with the receipt of the pass, for what else is computed from it (`Tasks`).
 template <class Workspace>
-struct StateDynamics : AffineDynamics<typename Workspace::Scalar> {
+struct [[nodiscard]] StateDynamics : AffineDynamics<typename Workspace::Scalar> {
   ForwardDynamics<Workspace> fd;
 };
 

@@ -201,11 +201,11 @@ template <class Scalar>
 [[gnu::cold]] void validate_inertia(const Body<Scalar>& body, const std::string& owner)
 {
   if (!detail::all_finite(body.com)) {
-    throw ModelError(owner + ": centre of mass must be finite, got " + detail::to_text(body.com));
+    detail::refuse({owner, ": centre of mass must be finite, got ", detail::to_text(body.com)});
   }
   const Matrix3<Scalar>& I = body.inertia;
   const std::string moments = ", got the rows " + detail::to_text(I);
-  if (!detail::all_finite(I)) { throw ModelError(owner + ": inertia must be finite" + moments); }
+  if (!detail::all_finite(I)) { detail::refuse({owner, ": inertia must be finite", moments}); }
   // Compared in double: a test of plausibility, not a computation that later results depend on.
   Eigen::Matrix3d inertia;
   double scale = 0, asymmetry = 0;
@@ -220,17 +220,17 @@ template <class Scalar>
     asymmetry = std::max(asymmetry, std::abs(inertia(k, (k + 1) % 3) - inertia((k + 1) % 3, k)));
   }
   const double slack = 1e-6;
-  if (asymmetry > slack) { throw ModelError(owner + ": inertia must be symmetric" + moments); }
+  if (asymmetry > slack) { detail::refuse({owner, ": inertia must be symmetric", moments}); }
   if (!detail::is_definite(slack, 1, inertia)) {
-    throw ModelError(owner + ": inertia has a negative principal moment" + moments);
+    detail::refuse({owner, ": inertia has a negative principal moment", moments});
   }
   if (body.any_moments) { return; }
   const double sum = inertia(0, 0) + inertia(1, 1) + inertia(2, 2);
   if (!detail::is_definite((1 + slack) * sum + slack, -(2 + slack), inertia)) {
-    throw ModelError(owner +
-                     ": one principal moment of inertia exceeds the sum of the other two by more than roundings (with "
-                     "Body::any_moments it may)" +
-                     moments);
+    detail::refuse({owner,
+                    ": one principal moment of inertia exceeds the sum of the other two by more than roundings (with "
+                    "Body::any_moments it may)",
+                    moments});
   }
 }
 
@@ -240,19 +240,19 @@ template <class Scalar>
 {
   if (body.is_massless) {
     if (body.mass != Scalar(0)) {
-      throw ModelError(owner + ": a massless body was given a mass of " + detail::to_text(body.mass) + " kg");
+      detail::refuse({owner, ": a massless body was given a mass of ", detail::to_text(body.mass), " kg"});
     }
     for (Index k = 0; k < 9; ++k) {
       if (body.inertia(k) != Scalar(0)) {
-        throw ModelError(owner + ": a massless body was given moments of inertia, the rows " +
-                         detail::to_text(body.inertia));
+        detail::refuse(
+            {owner, ": a massless body was given moments of inertia, the rows ", detail::to_text(body.inertia)});
       }
     }
     return;
   }
   if (!(body.mass > Scalar(0)) || !detail::is_finite(body.mass)) {
-    throw ModelError(owner + ": mass must be positive and finite, got " + detail::to_text(body.mass) +
-                     " kg (Body::massless() makes a part without inertia)");
+    detail::refuse({owner, ": mass must be positive and finite, got ", detail::to_text(body.mass),
+                    " kg (Body::massless() makes a part without inertia)"});
   }
   validate_inertia(body, owner);
 }

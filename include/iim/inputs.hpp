@@ -62,10 +62,10 @@ public:
   Id add_motor(const std::string& subsystem)
   {
     const Input<Scalar> input = motors_of(tree_->index(subsystem));
-    if (input.size == 0) { throw ModelError("subsystem '" + subsystem + "' has no motor"); }
+    if (input.size == 0) { detail::refuse({"subsystem '", subsystem, "' has no motor"}); }
     for (const Input<Scalar>& other : blocks_) {
       if (other.kind == InputKind::motor && other.subsystem == input.subsystem) {
-        throw ModelError("the motor of subsystem '" + subsystem + "' is an input already");
+        detail::refuse({"the motor of subsystem '", subsystem, "' is an input already"});
       }
     }
     return append(input);
@@ -77,7 +77,7 @@ public:
     for (Id id = 0; id < blocks(); ++id) {
       if (block(id).kind == InputKind::motor && block(id).name == subsystem) { return id; }
     }
-    throw ModelError("the motor of subsystem '" + subsystem + "' is none of the inputs");
+    detail::refuse({"the motor of subsystem '", subsystem, "' is none of the inputs"});
   }
 
   /// Force on the robot at a point of a named frame [m, in its axes], 3 columns. Throws ModelError if there is no such
@@ -114,7 +114,7 @@ public:
   /// The same, for a method on `tree`. Throws ModelError if these are the inputs of another one.
   Index max_columns_on(const TreeData<Scalar>& tree) const
   {
-    if (tree.id() != tree_->id()) { throw ModelError("the inputs are those of another tree than the method's"); }
+    if (tree.id() != tree_->id()) { detail::refuse({"the inputs are those of another tree than the method's"}); }
     return max_columns_;
   }
   Index blocks() const { return static_cast<Index>(blocks_.size()); }
@@ -182,10 +182,10 @@ private:
   {
     const FrameReference<Scalar>& frame = tree_->frame(name);
     if (frame.frame < 0) {
-      throw ModelError("frame '" + name + "' is fixed to the world: no force on it moves the robot");
+      detail::refuse({"frame '", name, "' is fixed to the world: no force on it moves the robot"});
     }
     if (!detail::all_finite(point)) {
-      throw ModelError("point on frame '" + name + "' must be finite, got " + detail::to_text(point));
+      detail::refuse({"point on frame '", name, "' must be finite, got ", detail::to_text(point)});
     }
     Input<Scalar> input{kind, name, size, frame.subsystem, frame.frame};
     input.point = detail::times(frame.at.R, point);
@@ -233,7 +233,7 @@ public:
   Inputs<Other> on(const Other& tree) const
   {
     using T = typename Other::Scalar;
-    if (!tree.is_shaped_as(this->tree())) { throw ModelError("the inputs are those of a robot of other subsystems"); }
+    if (!tree.is_shaped_as(this->tree())) { detail::refuse({"the inputs are those of a robot of other subsystems"}); }
     Inputs<Other> other(tree, Start::empty);
     for (Index id = 0; id < this->blocks(); ++id) {
       const Input<Scalar>& input = this->block(id);

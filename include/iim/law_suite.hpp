@@ -195,7 +195,7 @@ private:
       }
       return {observe(tree, q, qd_ + time * qdd), potential};
     };
-    forward_dynamics(q_, qd_, robot_.inputs, u_, robot_.ws);
+    static_cast<void>(forward_dynamics(q_, qd_, robot_.inputs, u_, robot_.ws));  // leaves V̇ under the inputs
     const Change change = check_differences(subsystems, qdd, now, later, robot_.ws);
 
     std::vector<double> motors;

@@ -19,7 +19,7 @@ class ForwardPass;
 /// method that begins with the pass. Nothing else makes one. Refers to the tree and the workspace; good until the
 /// workspace's next use, and told by the methods from one that is not.
 template <class WorkspaceType>
-class ForwardDynamics {
+class [[nodiscard]] ForwardDynamics {
 public:
   using Workspace = WorkspaceType;
   using Tree = typename Workspace::Tree;
@@ -75,7 +75,7 @@ private:
 
 /// Acceleration under given inputs, and how its computation ended.
 template <class Scalar>
-struct Acceleration {
+struct [[nodiscard]] Acceleration {
   const VectorX<Scalar>& qdd;  ///< n_v [rad/s², m/s²]; lives in the workspace. NaN unless status is ok
   Status status;
   Index subsystem;  ///< that status is about; −1: none

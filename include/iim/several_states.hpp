@@ -284,11 +284,11 @@ private:
   {
     using std::abs;
     const Scalar roundings = Scalar(64) * Eigen::NumTraits<Scalar>::epsilon();
-    if (!lane_tree_.is_shaped_as(tree())) { throw ModelError("the assembly has other parts than the inputs' tree"); }
+    if (!lane_tree_.is_shaped_as(tree())) { detail::refuse({"the assembly has other parts than the inputs' tree"}); }
     const auto differs = [](const Scalar& a, const Pack& b) { return a != b[0]; };
     for (int k = 0; k < 3; ++k) {
       if (differs(tree().gravity()(k), lane_tree_.gravity()(k))) {
-        throw ModelError("the assembly has another gravity than the inputs' tree");
+        detail::refuse({"the assembly has another gravity than the inputs' tree"});
       }
     }
     for (const Node& node : tree().nodes()) {
@@ -302,10 +302,10 @@ private:
         same = same && bodies_agree(tree().frame_mass(f), lane_tree_.frame_mass(f), length);
       }
       if (!same) {
-        throw ModelError(
-            "subsystem '" + tree().name(node.index) +
-            "' has another place or body in the assembly than in the inputs' tree (bodies of FixedLinks are "
-            "part of what carries them)");
+        detail::refuse(
+            {"subsystem '", tree().name(node.index),
+             "' has another place or body in the assembly than in the inputs' tree (bodies of FixedLinks are "
+             "part of what carries them)"});
       }
     }
   }

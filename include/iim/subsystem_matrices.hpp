@@ -115,7 +115,7 @@ SubsystemMatrices<typename Workspace::Scalar> subsystem_matrices(const ForwardDy
   using Scalar = typename Workspace::Scalar;
   const Workspace& ws = fd.workspace();
   const auto& tree = ws.tree();
-  if (fd.status_on(tree) == Status::mismatch) { throw ModelError("the workspace has been used since the receipt"); }
+  if (fd.status_on(tree) == Status::mismatch) { detail::refuse({"the workspace has been used since the receipt"}); }
   assert(0 <= i && i < tree.size() && "no such subsystem");
   SubsystemMatrices<Scalar> m;
   Vector3<Scalar> r, c;

@@ -193,9 +193,9 @@ private:
                         Axes axes) const
   {
     const FrameReference<Scalar>& frame = tree_->frame(name);
-    if (frame.frame < 0) { throw ModelError("frame '" + name + "' is fixed to the world: it cannot have a task"); }
+    if (frame.frame < 0) { detail::refuse({"frame '", name, "' is fixed to the world: it cannot have a task"}); }
     if (!detail::all_finite(point)) {
-      throw ModelError("point on frame '" + name + "' must be finite, got " + detail::to_text(point));
+      detail::refuse({"point on frame '", name, "' must be finite, got ", detail::to_text(point)});
     }
     Task<Scalar> task{kind, name, size, frame.frame};
     task.point = frame.at.R * point + frame.at.p;
@@ -211,7 +211,7 @@ private:
 
   Task<Scalar> of_all(TaskKind kind, Index size, const std::string& name) const
   {
-    if (!(mass() > Scalar(0))) { throw ModelError("a tree without a body has no " + name); }
+    if (!(mass() > Scalar(0))) { detail::refuse({"a tree without a body has no ", name}); }
     Task<Scalar> task{kind, name, size};
     for (Index v = 0; v < tree_->n_v(); ++v) { task.velocities.push_back(v); }
     return task;

@@ -112,13 +112,11 @@ private:
       const auto& part = merged.parts[k].part;
       Node& node = this->nodes_[k];
       node.type = static_cast<int>(part.index());
-      std::visit(
-          [&]<class T>(const T& s) {
-            auto& same = std::get<detail::Array<T>>(subsystems_);
-            node.slot = same.size();
-            same.push_back(s);
-          },
-          part);
+      detail::visit_part(part, [&]<class T>(const T& s) {
+        auto& same = std::get<detail::Array<T>>(subsystems_);
+        node.slot = same.size();
+        same.push_back(s);
+      });
     }
   }
 
@@ -284,9 +282,9 @@ private:
   {
     if (this->size() != n_nodes) {
       const std::size_t parts = assembly.parts().size();
-      throw ModelError("the assembly has " + std::to_string(this->size()) + " subsystems" +
-                       (parts > merged.parts.size() ? " (with all FixedLinks " + std::to_string(parts) + ")" : "") +
-                       ", the StaticTree " + std::to_string(n_nodes));
+      detail::refuse({"the assembly has ", std::to_string(this->size()), " subsystems",
+                      (parts > merged.parts.size() ? " (with all FixedLinks " + std::to_string(parts) + ")" : ""),
+                      ", the StaticTree ", std::to_string(n_nodes)});
     }
     [&]<std::size_t... I>(std::index_sequence<I...>) {
       (take<I>(merged.parts[I]), ...);
@@ -300,10 +298,10 @@ private:
     Node& node = this->nodes_[I];
     const bool on_outlet = node.parent < 0 || node.inlet == this->node(node.parent).frame + outlets[I];
     if (node.parent != parents[I] || !on_outlet) {
-      throw ModelError("subsystem '" + part.name + "' hangs elsewhere in the StaticTree's type than in the assembly");
+      detail::refuse({"subsystem '", part.name, "' hangs elsewhere in the StaticTree's type than in the assembly"});
     }
     if (!std::holds_alternative<S>(part.part)) {
-      throw ModelError("subsystem '" + part.name + "' has another type in the StaticTree than in the assembly");
+      detail::refuse({"subsystem '", part.name, "' has another type in the StaticTree than in the assembly"});
     }
     node.slot = static_cast<std::size_t>(std::count(of_type<S>.begin(), of_type<S>.begin() + I, true));
     std::get<I>(subsystems_) = std::get<S>(part.part);

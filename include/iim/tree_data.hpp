@@ -151,11 +151,8 @@ public:
       if (this->name(i) == name) { return i; }
     }
     const auto frame = named_frames_.find(name);
-    if (frame == named_frames_.end() || frame->second.subsystem < 0) {
-      throw ModelError("there is no subsystem '" + name + "'");
-    }
-    throw ModelError("'" + name + "' is no subsystem, but a frame on '" + this->name(frame->second.subsystem) +
-                     "' (tree.frame)");
+    if (frame == named_frames_.end() || frame->second.subsystem < 0) { refuse({"there is no subsystem '", name, "'"}); }
+    refuse({"'", name, "' is no subsystem, but a frame on '", this->name(frame->second.subsystem), "' (tree.frame)"});
   }
 
   /// Frame of that name: a subsystem's first frame, one given by Assembly::add_frame, or a FixedLink's. Throws
@@ -176,40 +173,37 @@ protected:
       : gravity_(assembly.gravity())
   {
     for (const auto& part : merged.parts) {
-      std::visit(
-          [&]<class S>(const S& s) {
-            static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
-            append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
-            if constexpr (has_own_twist<S>() && S::pattern.linear != S::pattern.angular) {
-              check_unit(part.name, "own_twist", s.own_twist());
-            }
-            if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
-              Index carrier = part.parent;
-              while (carrier >= 0 && node(carrier).v_end == node(carrier).v) {  // stands still on the next
-                carrier = node(carrier).parent;
-              }
-              if (carrier >= 0) {
-                throw ModelError("subsystem '" + part.name + "': a free one with motors or internal forces on '" +
-                                 names_[static_cast<std::size_t>(part.parent)] + "' instead of the world");
-              }
-            }
-            for (const CarriedBody<Scalar>& carried : s.bodies()) {
-              if (follows_frame<S>() && carried.frame < 0) {
-                throw ModelError("subsystem '" + part.name +
-                                 "': a body on the inlet does not follow the frame (about_frame)");
-              }
-              check_frame(part.name, "body", carried.frame, S::n_frames);
-              carry(carried);
-            }
-            if constexpr (requires { s.rotors(); }) {
-              for (const auto& rotor : s.rotors()) {
-                check_frame(part.name, "rotor", rotor.frame, S::n_frames);
-                check_rotor(part.name, rotor);
-              }
-            }
-            if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
-          },
-          part.part);
+      visit_part(part.part, [&]<class S>(const S& s) {
+        static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
+        append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
+        if constexpr (has_own_twist<S>() && S::pattern.linear != S::pattern.angular) {
+          check_unit(part.name, "own_twist", s.own_twist());
+        }
+        if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
+          Index carrier = part.parent;
+          while (carrier >= 0 && node(carrier).v_end == node(carrier).v) {  // stands still on the next
+            carrier = node(carrier).parent;
+          }
+          if (carrier >= 0) {
+            refuse({"subsystem '", part.name, "': a free one with motors or internal forces on '",
+                    names_[static_cast<std::size_t>(part.parent)], "' instead of the world"});
+          }
+        }
+        for (const CarriedBody<Scalar>& carried : s.bodies()) {
+          if (follows_frame<S>() && carried.frame < 0) {
+            refuse({"subsystem '", part.name, "': a body on the inlet does not follow the frame (about_frame)"});
+          }
+          check_frame(part.name, "body", carried.frame, S::n_frames);
+          carry(carried);
+        }
+        if constexpr (requires { s.rotors(); }) {
+          for (const auto& rotor : s.rotors()) {
+            check_frame(part.name, "rotor", rotor.frame, S::n_frames);
+            check_rotor(part.name, rotor);
+          }
+        }
+        if constexpr (is_free<S>()) { frame_mass_.back().set_about(s.bodies()[0].body.com); }
+      });
     }
     close_subtrees();
     sort_by_depth();
@@ -289,8 +283,8 @@ private:
   static void check_frame(const std::string& name, const char* what, int frame, int n_frames)
   {
     if (frame < -1 || frame >= n_frames) {
-      throw ModelError("subsystem '" + name + "' has a " + what + " on frame " + std::to_string(frame) + " of " +
-                       std::to_string(n_frames));
+      refuse({"subsystem '", name, "' has a ", what, " on frame ", std::to_string(frame), " of ",
+              std::to_string(n_frames)});
     }
   }
 
@@ -301,9 +295,9 @@ private:
   {
     const std::string part = "subsystem '" + name + "': a rotor's ";
     if (!(rotor.inertia >= Scalar(0)) || !is_finite(rotor.inertia)) {
-      throw ModelError(part + "inertia must be finite and not negative, got " + to_text(rotor.inertia));
+      refuse({part, "inertia must be finite and not negative, got ", to_text(rotor.inertia)});
     }
-    if (!all_finite(rotor.ratio)) { throw ModelError(part + "ratios must be finite, got " + to_text(rotor.ratio)); }
+    if (!all_finite(rotor.ratio)) { refuse({part, "ratios must be finite, got ", to_text(rotor.ratio)}); }
     if (!rotor.coupled) { return; }
     check_unit(name, "a rotor's axis", rotor.axis);
   }
@@ -313,7 +307,7 @@ private:
     double square = 0;
     for (Index i = 0; i < x.size(); ++i) { square += to_double(x(i)) * to_double(x(i)); }
     if (!(std::abs(square - 1) < 2e-6)) {
-      throw ModelError("subsystem '" + name + "': " + what + " must be a unit vector, got " + to_text(x));
+      refuse({"subsystem '", name, "': ", what, " must be a unit vector, got ", to_text(x)});
     }
   }
 
@@ -323,7 +317,7 @@ private:
     const std::string owner = "subsystem '" + names_.back() + "'";
     // Zero: a rotor's inertia may stand here without its mass.
     if (!(carried.body.mass >= Scalar(0)) || !is_finite(carried.body.mass)) {
-      throw ModelError(owner + ": mass must be finite and not negative, got " + to_text(carried.body.mass) + " kg");
+      refuse({owner, ": mass must be finite and not negative, got ", to_text(carried.body.mass), " kg"});
     }
     validate_inertia(carried.body, owner);
     FrameMass<Scalar>& mass = carried.frame < 0

@@ -47,7 +47,7 @@ template <class Tree>
 Observation observe(const Tree& tree, const Eigen::VectorXd& q, const Eigen::VectorXd& qd)
 {
   Workspace ws(tree);
-  forward_dynamics(q, qd, ws);
+  static_cast<void>(forward_dynamics(q, qd, ws));  // of this the first loop, which a failure of the others leaves
   Observation o;
   const auto frames = static_cast<std::size_t>(tree.n_frames());
   o.origin.resize(frames);

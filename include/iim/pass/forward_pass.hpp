@@ -39,7 +39,7 @@ public:
 
   PassSteps(Data& ws, const Scalar& step) : ws_(ws), step_(step)
   {
-    ws_.begin_use();
+    ws_.begin_use(scene.implicit);
     if constexpr (is_several<Scalar>) { ws_.places().begin(ws_.tree(), ws_.frames()); }
     begin();
   }
@@ -393,7 +393,8 @@ private:
     }
     Scalar largest_inverse(0);
     const auto step = [&]<class S>(const Node& node, const S& s) {
-      inward<scene>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_, largest_inverse);
+      inward<scene_inward<S>(scene)>(node, s, ws.template node<S>(node), static_cast<Data&>(ws), diagnosis_,
+                                     largest_inverse);
     };
     // In square-root form, and of several states, frames share places, which are given for depth-first order. (Rows'
     // steps are too long for the next to begin meanwhile: measured 1 % slower.)

@@ -264,7 +264,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
     } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse)) {
-      positive = mend_free(node, axis, b, A_T, scale, scene.implicit, positive, ws, C_T);
+      positive = mend_free(node, axis, b, A_T, scale, ws.is_implicit(), positive, ws, C_T);
     }
   }
   if (!positive) { note_small_pivot(node, ws, diagnosis); }

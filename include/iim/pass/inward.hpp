@@ -141,7 +141,7 @@ template <Scene scene, class S, class Workspace>
   [[maybe_unused]] bool mended = false;
   if constexpr (mends_pivots<S, Workspace>()) {
     if (weak) [[unlikely]] {
-      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), hq(0), scene.velocity, scene.implicit, ws);
+      const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), hq(0), scene.velocity, ws.is_implicit(), ws);
       mended = ScalarTraits<Scalar>::is_positive(pivot.D);
       if (mended) {
         TriplePair<Scalar> all = U_k[0][0] = pivot.U;
@@ -167,7 +167,7 @@ template <Scene scene, class S, class Workspace>
   if constexpr (mends_roots<S, Workspace>()) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
         !has_inertia_within<scene.implicit, S>(state, spun)) [[unlikely]] {
-      mended = mend<pattern>(node, state.S_k[0], size[0], scene.implicit, ws,
+      mended = mend<pattern>(node, state.S_k[0], size[0], ws.is_implicit(), ws,
                              Reduction<Scalar, n_i>{state.MbarR_inv_root, D_inv, W, carried[0].A, positive});
       weak = weak && !mended;
     }
@@ -178,7 +178,7 @@ template <Scene scene, class S, class Workspace>
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(8), Scalar(0)) && diagnosis.status == Status::ok)
         [[unlikely]] {
       mended =
-          mend_compound<Scalar, n_i>(node, D, scale, scene.implicit, ws, positive, state.MbarR_inv_root, D_inv, V, W);
+          mend_compound<Scalar, n_i>(node, D, scale, ws.is_implicit(), ws, positive, state.MbarR_inv_root, D_inv, V, W);
       weak = weak && !mended;
     }
   }
@@ -299,7 +299,15 @@ void rigid_inward(const Node& node, NodeState<S>& state, Workspace& ws)
   }
 }
 
-/// Workspace: its part that depends on Scalar and update alone.
+/// What of the scene a step of S sees.
+template <class S>
+constexpr Scene scene_inward(Scene scene)
+{
+  scene.implicit = scene.implicit && spring_count<S>() > 0;
+  return without_gravity(scene);
+}
+
+/// scene: scene_inward. Workspace: its part that depends on Scalar and update alone.
 template <Scene scene, class S, class Workspace>
 void inward(const Node& node, const S& s, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
             [[maybe_unused]] typename S::Scalar& largest_inverse)

@@ -40,6 +40,13 @@ struct Diagnosis {
   }
 };
 
+/// What of the scene the first two loops see: a step that no term of it changes is compiled once for all scenes.
+constexpr Scene without_gravity(Scene scene)
+{
+  scene.gravity = true;
+  return scene;
+}
+
 /// Rows first … first + 2 of S q̇: velocity of a frame relative to the inlet.
 template <int first, class Scalar, int n>
 [[gnu::always_inline]] inline Triple<Scalar> relative(const Eigen::Matrix<Scalar, 6, n>& S_k,
@@ -257,7 +264,8 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
                 const typename Workspace::Scalar& step = typename Workspace::Scalar(0))
 {
   ws.turns().set(q);
-  const KinematicStep<scene, typename Workspace::Data, Q, V> kinematic_step{q, qd, ws, diagnosis, step};
+  const KinematicStep<without_gravity(scene), typename Workspace::Data, Q, V> kinematic_step{q, qd, ws, diagnosis,
+                                                                                             step};
   ws.tree().outward([&]<class S>(const Node& node, const S& s) { kinematic_step(node, s, ws.template node<S>(node)); });
 }
 

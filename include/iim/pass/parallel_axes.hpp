@@ -21,9 +21,10 @@
 
 #include <iim/body.hpp>
 #include <iim/numerics/array.hpp>
+#include <iim/pass/type_facts.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
-#include <iim/subsystem.hpp>
+#include <iim/tree_data.hpp>
 
 #include <array>
 #include <cstddef>
@@ -127,33 +128,6 @@ template <class Scalar, class Block>
   return result;
 }
 
-template <class S>
-constexpr bool turns_about_axis()
-{
-  return has_own_twist<S>() && S::pattern.angular;
-}
-/// Whether a subsystem may belong to a group.
-template <class S>
-constexpr bool shares_axes()
-{
-  return S::n_frames == 1 && S::n_i <= 1 && (turns_about_axis<S>() || !S::pattern.angular);
-}
-
-/// How many times the moments of a joint's own body, their sum, are what turns about the joint's axis, rotors included;
-/// 0 unless it is enough to lose digits by.
-template <class S, class Scalar>
-[[gnu::cold]] Scalar thinness(const S& s, const FrameMass<Scalar>& body)
-{
-  if (!body.present) { return Scalar(0); }
-  Scalar about_axis = OwnColumn<Scalar>(body, s.own_twist()).D;
-  if constexpr (rotor_count<S>() > 0) {
-    for (const auto& rotor : s.rotors()) { about_axis += rotor.inertia * rotor.ratio(0) * rotor.ratio(0); }
-  }
-  if (!ScalarTraits<Scalar>::is_positive(about_axis)) { return Scalar(0); }
-  const Scalar moments = sum_of_moments(body.inertia);
-  return ScalarTraits<Scalar>::is_positive(moments - Scalar(8) * about_axis) ? Scalar(moments / about_axis) : Scalar(0);
-}
-
 /// The groups of a tree, and their axes at a state.
 template <class Scalar>
 class ParallelAxes {
@@ -168,49 +142,46 @@ public:
   ParallelAxes() = default;
 
   /// thin_limbs: whether these have axes of their own.
-  template <class Tree>
-  [[gnu::cold]] ParallelAxes(const Tree& tree, bool thin_limbs) : group_(static_cast<std::size_t>(tree.n_frames()), -1)
+  [[gnu::cold]] ParallelAxes(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts, bool thin_limbs)
+      : group_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
+    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
     Array<Vector3<Scalar>> axis(group_.size());
-    Limbs limbs(static_cast<std::size_t>(tree.size()));
-    tree.outward([&]<class N, class S>(const N& node, const S& s) {
-      Limb& limb = limbs[static_cast<std::size_t>(node.index)];
-      if (node.parent >= 0) { limb = limbs[static_cast<std::size_t>(node.parent)]; }
-      if constexpr (is_free<S>()) {
-        limb.velocities = Scalar(S::n_i);
+    Limbs limbs(at(tree.size()));
+    for (const Node& node : tree.nodes()) {
+      const TypeFacts<Scalar>& part = facts[at(node.index)];
+      Limb& limb = limbs[at(node.index)];
+      if (node.parent >= 0) { limb = limbs[at(node.parent)]; }
+      if (part.is_free) {
+        limb.velocities = Scalar(part.velocities);
       } else if (limb.first < 0) {
         limb.first = node.index;
       }
-      if constexpr (shares_axes<S>()) {
-        const auto at = static_cast<std::size_t>(node.frame);
-        const Index of_inlet = node.inlet < 0 ? -1 : group_[static_cast<std::size_t>(node.inlet)];
-        Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
-        if (of_inlet >= 0) {
-          const Vector3<Scalar>& there = axis[static_cast<std::size_t>(node.inlet)];
-          for (int i = 0; i < 3; ++i) { inherited(i) = dot(column(tree.placement(node.index).R, i), triple(there)); }
-        }
-        if constexpr (turns_about_axis<S>()) {
-          const Vector6<Scalar> twist = s.own_twist();
-          axis[at] = angular(twist);
-          const bool joins = of_inlet >= 0 && nearly_zero(cross(axis[at], inherited));
-          group_[at] = joins ? of_inlet : static_cast<Index>(groups_.size());
-          if (!joins) {
-            groups_.push_back({.axis = axis[at], .own = with_axis(axis[at]), .frame = node.frame, .limb = limb.first});
-          }
-          ++groups_[static_cast<std::size_t>(group_[at])].joints;
-          limb.velocities += Scalar(1);
-          if (node.index != limb.first) { limb.thinness += thinness(s, tree.frame_mass(node.frame)); }
-          const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
-          if (thin_limbs && ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
-            limbs[static_cast<std::size_t>(limb.first)].thin = true;
-          }
-        } else {
-          axis[at] = inherited;
-          group_[at] = of_inlet;
-        }
+      if (!part.shares_axes) { continue; }
+      const Index of_inlet = node.inlet < 0 ? -1 : group_[at(node.inlet)];
+      Index& own = group_[at(node.frame)];
+      Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
+      if (of_inlet >= 0) { inherited = transposed_times(tree.placement(node.index).R, axis[at(node.inlet)]); }
+      if (!part.turns_about_axis) {
+        axis[at(node.frame)] = inherited;
+        own = of_inlet;
+        continue;
       }
-    });
-    join_free(tree);
+      axis[at(node.frame)] = part.axis;
+      const bool joins = of_inlet >= 0 && nearly_zero(cross(part.axis, inherited));
+      own = joins ? of_inlet : static_cast<Index>(groups_.size());
+      if (!joins) {
+        groups_.push_back({.axis = part.axis, .own = with_axis(part.axis), .frame = node.frame, .limb = limb.first});
+      }
+      ++groups_[at(own)].joints;
+      limb.velocities += Scalar(1);
+      if (node.index != limb.first) { limb.thinness += part.thinness; }
+      const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
+      if (thin_limbs && ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
+        limbs[at(limb.first)].thin = true;
+      }
+    }
+    join_free(tree, facts);
     keep_needed(limbs);
   }
 
@@ -287,21 +258,23 @@ private:
     return axes;
   }
 
+  static Vector3<Scalar> transposed_times(const Matrix3<Scalar>& R, const Vector3<Scalar>& x)
+  {
+    return {dot(column(R, 0), triple(x)), dot(column(R, 1), triple(x)), dot(column(R, 2), triple(x))};
+  }
+
   /// A free frame joins the largest group on it.
-  template <class Tree>
-  [[gnu::cold]] void join_free(const Tree& tree)
+  [[gnu::cold]] void join_free(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts)
   {
     const auto at = [](Index k) { return static_cast<std::size_t>(k); };
-    tree.outward([&]<class N, class S>(const N& node, const S&) {
-      if constexpr (is_free<S>()) {
-        for (Index i = node.index + 1; i < node.subtree_end; i = tree.node(i).subtree_end) {
-          const Index other = group_[at(tree.node(i).frame)], own = group_[at(node.frame)];
-          if (other >= 0 && (own < 0 || groups_[at(own)].joints < groups_[at(other)].joints)) {
-            group_[at(node.frame)] = other;
-          }
-        }
+    for (const Node& node : tree.nodes()) {
+      if (!facts[at(node.index)].is_free) { continue; }
+      Index& own = group_[at(node.frame)];
+      for (Index i = node.index + 1; i < node.subtree_end; i = tree.node(i).subtree_end) {
+        const Index other = group_[at(tree.node(i).frame)];
+        if (other >= 0 && (own < 0 || groups_[at(own)].joints < groups_[at(other)].joints)) { own = other; }
       }
-    });
+    }
   }
 
   /// Groups of many joints, and all on thin limbs.

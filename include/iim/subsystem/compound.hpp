@@ -172,8 +172,8 @@ struct HingeRow {
     for (std::size_t k = 0; k < count; ++k) {
       axis[k] = detail::UnitAxis<Scalar>(axis[k], owner + ": hinge " + std::to_string(k)).direction;
       if (k > 0 && !detail::all_finite(offset[k])) {
-        throw ModelError(owner + ": offset of hinge " + std::to_string(k) + " must be finite, got " +
-                         detail::to_text(offset[k]));
+        detail::refuse(
+            {owner, ": offset of hinge ", std::to_string(k), " must be finite, got ", detail::to_text(offset[k])});
       }
     }
   }

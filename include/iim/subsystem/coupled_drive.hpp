@@ -43,7 +43,7 @@ struct Driven : M {
   {
     M::prepare(owner);
     if (!detail::all_finite(transmission)) {
-      throw ModelError(owner + ": transmission must be finite, got " + detail::to_text(transmission));
+      detail::refuse({owner, ": transmission must be finite, got ", detail::to_text(transmission)});
     }
     for (std::size_t j = 0; j < count; ++j) {
       const std::string name = owner + ": rotor " + std::to_string(j);
@@ -53,10 +53,10 @@ struct Driven : M {
         const Scalar& ratio = transmission(static_cast<Index>(j), d);
         turns = turns || ratio < Scalar(0) || ratio > Scalar(0);
       }
-      if (!turns) { throw ModelError(name + " turns with no joint: its row of transmission is zero"); }
+      if (!turns) { detail::refuse({name, " turns with no joint: its row of transmission is zero"}); }
       if (carrier[j] < -1 || carrier[j] >= M::n_frames) {
-        throw ModelError(name + " is carried by frame " + std::to_string(carrier[j]) + ", but frames are −1 … " +
-                         std::to_string(M::n_frames - 1));
+        detail::refuse({name, " is carried by frame ", std::to_string(carrier[j]), ", but frames are −1 … ",
+                        std::to_string(M::n_frames - 1)});
       }
     }
   }

@@ -39,14 +39,14 @@ struct ElasticMotorArmOn {
     rigid.prepare(name);
     joint = rigid.joint;
     motor = rigid.motor;
-    if (motor.gear_ratio == Scalar(0)) { throw ModelError(name + ": gear ratio of an elastic drive must not be 0"); }
+    if (motor.gear_ratio == Scalar(0)) { detail::refuse({name, ": gear ratio of an elastic drive must not be 0"}); }
     if (!(motor.axial_inertia > Scalar(0))) {
-      throw ModelError(name + ": the rotor of an elastic drive needs a positive axial inertia, got " +
-                       detail::to_text(motor.axial_inertia));
+      detail::refuse({name, ": the rotor of an elastic drive needs a positive axial inertia, got ",
+                      detail::to_text(motor.axial_inertia)});
     }
     for (const Scalar& x : {stiffness, damping}) {
       if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-        throw ModelError(name + ": stiffness and damping must be finite and not negative, got " + detail::to_text(x));
+        detail::refuse({name, ": stiffness and damping must be finite and not negative, got ", detail::to_text(x)});
       }
     }
   }

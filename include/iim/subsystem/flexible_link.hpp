@@ -58,9 +58,9 @@ struct FlexibleLink {
     joint.prepare(name);
     const auto check = [&](const Scalar& x, bool zero_too, const char* what) {
       if (!(x > Scalar(0) || (zero_too && x == Scalar(0))) || !detail::is_finite(x)) {
-        throw ModelError(name + ": " + what +
-                         (zero_too ? " must be finite and not negative, got " : " must be positive and finite, got ") +
-                         detail::to_text(x));
+        detail::refuse({name, ": ", what,
+                        (zero_too ? " must be finite and not negative, got " : " must be positive and finite, got "),
+                        detail::to_text(x)});
       }
     };
     check(length, false, "length");

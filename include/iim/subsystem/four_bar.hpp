@@ -33,15 +33,15 @@ struct FourBarLinkage {
     detail::check_length(coupler, owner + ": coupler");
     detail::check_length(rocker, owner + ": rocker");
     if (!detail::all_finite(ground) || !(ground.norm() > Scalar(0))) {
-      throw ModelError(owner + ": ground must be finite and not zero, got " + detail::to_text(ground));
+      detail::refuse({owner, ": ground must be finite and not zero, got ", detail::to_text(ground)});
     }
     using std::abs;
     const Scalar length = ground.norm();  // D to B is between |length − crank| and length + crank
     if (!(abs(length - crank) < coupler + rocker) || !(abs(coupler - rocker) < length + crank)) {
-      throw ModelError(owner + ": one of the bars is longer than the others together: the loop does not close");
+      detail::refuse({owner, ": one of the bars is longer than the others together: the loop does not close"});
     }
     if (side != Scalar(1) && side != Scalar(-1)) {
-      throw ModelError(owner + ": side must be 1 or −1, got " + detail::to_text(side));
+      detail::refuse({owner, ": side must be 1 or −1, got ", detail::to_text(side)});
     }
   }
 
@@ -84,7 +84,7 @@ struct ParallelogramLinkage {
     plane.prepare(owner);
     detail::check_length(crank, owner + ": crank");
     if (!detail::all_finite(ground)) {
-      throw ModelError(owner + ": ground must be finite, got " + detail::to_text(ground));
+      detail::refuse({owner, ": ground must be finite, got ", detail::to_text(ground)});
     }
   }
 

@@ -19,7 +19,7 @@ template <class Scalar>
 [[gnu::cold]] void check_two_axes(const Vector3<Scalar>& first, const Vector3<Scalar>& second, const std::string& owner)
 {
   if (!(cross(first, second).squaredNorm() > Scalar(1e-12))) {
-    throw ModelError(owner + ": the two axes must differ, got " + to_text(first) + " and " + to_text(second));
+    detail::refuse({owner, ": the two axes must differ, got ", to_text(first), " and ", to_text(second)});
   }
 }
 
@@ -37,7 +37,7 @@ struct UnitAxis {
     using std::sqrt;
     const Scalar norm = sqrt(axis.squaredNorm());
     if (!all_finite(axis) || !(norm > Scalar(1 - 1e-6)) || !(norm < Scalar(1 + 1e-6))) {
-      throw ModelError(owner + ": axis must be a unit vector, got " + to_text(axis) + " of length " + to_text(norm));
+      detail::refuse({owner, ": axis must be a unit vector, got ", to_text(axis), " of length ", to_text(norm)});
     }
     direction /= norm;
     for (int k = 0; k < 3; ++k) {

@@ -29,7 +29,7 @@ struct Helical {
   void prepare(const std::string& owner)
   {
     unit_ = detail::UnitAxis<Scalar>(axis, owner);
-    if (!detail::is_finite(lead)) { throw ModelError(owner + ": lead must be finite, got " + detail::to_text(lead)); }
+    if (!detail::is_finite(lead)) { detail::refuse({owner, ": lead must be finite, got ", detail::to_text(lead)}); }
   }
 
   bool motion(const Matrix3<Scalar>& R, const Eigen::Matrix<Scalar, 1, 1>& q, const Eigen::Matrix<Scalar, 1, 1>&,
@@ -169,8 +169,8 @@ struct Planar {
     unit_ = detail::UnitAxis<Scalar>(normal, owner + ": normal");
     const Vector3<Scalar> along = detail::UnitAxis<Scalar>(x, owner + ": x").direction;
     if (!(abs(unit_.direction.dot(along)) < Scalar(1e-6))) {
-      throw ModelError(owner + ": x must be perpendicular to the normal, got " + detail::to_text(x) + " and " +
-                       detail::to_text(normal));
+      detail::refuse({owner, ": x must be perpendicular to the normal, got ", detail::to_text(x), " and ",
+                      detail::to_text(normal)});
     }
     y_ = unit_.direction.cross(along).normalized();
     x_ = y_.cross(unit_.direction);

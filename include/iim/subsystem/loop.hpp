@@ -188,8 +188,8 @@ struct Plane {
     normal = detail::UnitAxis<Scalar>(normal, owner + ": normal").direction;
     x = detail::UnitAxis<Scalar>(x, owner + ": x").direction;
     if (!(abs(normal.dot(x)) < Scalar(1e-6))) {
-      throw ModelError(owner + ": x must be perpendicular to the normal, got " + detail::to_text(x) + " and " +
-                       detail::to_text(normal));
+      detail::refuse({owner, ": x must be perpendicular to the normal, got ", detail::to_text(x), " and ",
+                      detail::to_text(normal)});
     }
     x = (x - normal * normal.dot(x)).normalized();
   }
@@ -215,7 +215,7 @@ template <class Scalar>
 void check_length(const Scalar& length, const std::string& what)
 {
   if (!(length > Scalar(0)) || !is_finite(length)) {
-    throw ModelError(what + " must be positive, got " + to_text(length) + " m");
+    detail::refuse({what, " must be positive, got ", to_text(length), " m"});
   }
 }
 

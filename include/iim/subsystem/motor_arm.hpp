@@ -15,7 +15,7 @@ struct Motor {
   using Scalar = Scalar_;
   Scalar gear_ratio = Scalar(1);                    ///< rotor rate relative to the housing per joint rate
   Scalar axial_inertia = Scalar(0);                 ///< rotor about its axis [kg m²]
-  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< rotor axis, unit vector in the axes of what carries it: the inlet
+  Vector3<Scalar> axis = Vector3<Scalar>::UnitZ();  ///< rotor axis, unit vector in the axes of its carrier, the inlet
   Scalar mass = Scalar(0);                          ///< of the rotor [kg]; zero: contained in the parent's body
   Vector3<Scalar> com = Vector3<Scalar>::Zero();    ///< of the rotor, on its axis, in the same axes [m]
   Scalar transverse_inertia = Scalar(0);            ///< rotor across its axis, about its centre [kg m²]
@@ -27,14 +27,14 @@ struct Motor {
     axis = detail::UnitAxis<Scalar>(axis, owner).direction;
     for (const Scalar& x : {axial_inertia, mass, transverse_inertia}) {
       if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-        throw ModelError(owner + ": mass and inertias must be finite and not negative, got " + detail::to_text(x));
+        detail::refuse({owner, ": mass and inertias must be finite and not negative, got ", detail::to_text(x)});
       }
     }
-    if (!detail::all_finite(com)) { throw ModelError(owner + ": centre must be finite, got " + detail::to_text(com)); }
+    if (!detail::all_finite(com)) { detail::refuse({owner, ": centre must be finite, got ", detail::to_text(com)}); }
     // A disc has twice its transverse inertia about its axis; no body has more.
     if (mass > Scalar(0) && axial_inertia > Scalar(2 + 1e-6) * transverse_inertia) {
-      throw ModelError(owner + ": axial inertia cannot exceed twice the transverse inertia, got " +
-                       detail::to_text(axial_inertia) + " and " + detail::to_text(transverse_inertia));
+      detail::refuse({owner, ": axial inertia cannot exceed twice the transverse inertia, got ",
+                      detail::to_text(axial_inertia), " and ", detail::to_text(transverse_inertia)});
     }
   }
 
@@ -86,7 +86,7 @@ struct MotorArmOn {
     validate(body, name);
     motor.prepare(name + ": rotor");
     if (!detail::is_finite(motor.gear_ratio)) {
-      throw ModelError(name + ": gear ratio must be finite, got " + detail::to_text(motor.gear_ratio));
+      detail::refuse({name, ": gear ratio must be finite, got ", detail::to_text(motor.gear_ratio)});
     }
   }
 

@@ -63,19 +63,19 @@ struct ParallelAnkleLinkage {
       const Scalar length = r.crank.norm();
       detail::check_length(length, name + ": crank");
       if (!(abs(r.axis.dot(r.crank)) < Scalar(1e-6) * length)) {
-        throw ModelError(name + ": crank must be perpendicular to its axis, got " + detail::to_text(r.crank) + " and " +
-                         detail::to_text(r.axis));
+        detail::refuse({name, ": crank must be perpendicular to its axis, got ", detail::to_text(r.crank), " and ",
+                        detail::to_text(r.axis)});
       }
       if (r.side != Scalar(1) && r.side != Scalar(-1)) {
-        throw ModelError(name + ": side must be 1 or −1, got " + detail::to_text(r.side));
+        detail::refuse({name, ": side must be 1 or −1, got ", detail::to_text(r.side)});
       }
       if (!detail::all_finite(r.hinge) || !detail::all_finite(r.foot) || !detail::is_finite(r.gear_ratio)) {
-        throw ModelError(name + ": hinge, foot and gear ratio must be finite");
+        detail::refuse({name, ": hinge, foot and gear ratio must be finite"});
       }
       for (const Scalar& x : {r.rod_mass, r.rotor_inertia}) {
         if (!(x >= Scalar(0)) || !detail::is_finite(x)) {
-          throw ModelError(name + ": rod mass and rotor inertia must be finite and not negative, got " +
-                           detail::to_text(x));
+          detail::refuse(
+              {name, ": rod mass and rotor inertia must be finite and not negative, got ", detail::to_text(x)});
         }
       }
     }

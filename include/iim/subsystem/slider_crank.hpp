@@ -31,15 +31,14 @@ struct SliderCrankLinkage {
     detail::check_length(crank, owner + ": crank");
     detail::check_length(rod, owner + ": rod");
     if (!detail::is_finite(offset)) {
-      throw ModelError(owner + ": offset must be finite, got " + detail::to_text(offset));
+      detail::refuse({owner, ": offset must be finite, got ", detail::to_text(offset)});
     }
     using std::abs;
     if (!(abs(offset) < crank + rod)) {
-      throw ModelError(owner + ": crank and rod do not reach the guide, which is " + detail::to_text(offset) +
-                       " m away");
+      detail::refuse({owner, ": crank and rod do not reach the guide, which is ", detail::to_text(offset), " m away"});
     }
     if (side != Scalar(1) && side != Scalar(-1)) {
-      throw ModelError(owner + ": side must be 1 or −1, got " + detail::to_text(side));
+      detail::refuse({owner, ": side must be 1 or −1, got ", detail::to_text(side)});
     }
   }
 
@@ -91,11 +90,11 @@ struct ActuatedLeverLinkage {
     plane.prepare(owner);
     for (const Vector2* point : {&pivot, &pin}) {
       if (!detail::all_finite(*point) || !(point->norm() > Scalar(0))) {
-        throw ModelError(owner + ": pivot and pin must be finite and off the hinge, got " + detail::to_text(*point));
+        detail::refuse({owner, ": pivot and pin must be finite and off the hinge, got ", detail::to_text(*point)});
       }
     }
     if (!detail::is_finite(screw) || screw == Scalar(0)) {
-      throw ModelError(owner + ": screw must be finite and not zero, got " + detail::to_text(screw));
+      detail::refuse({owner, ": screw must be finite and not zero, got ", detail::to_text(screw)});
     }
   }
 

@@ -31,13 +31,13 @@ struct Sprung : Part {
     for (const Coordinates& values : {stiffness, damping}) {
       for (int d = 0; d < n_i; ++d) {
         if (!(values(d) >= Scalar(0)) || !detail::is_finite(values(d))) {
-          throw ModelError(name + ": stiffness and damping must be finite and not negative, got " +
-                           detail::to_text(values(d)));
+          detail::refuse(
+              {name, ": stiffness and damping must be finite and not negative, got ", detail::to_text(values(d))});
         }
       }
     }
     if (!detail::all_finite(rest)) {
-      throw ModelError(name + ": rest position must be finite, got " + detail::to_text(rest));
+      detail::refuse({name, ": rest position must be finite, got ", detail::to_text(rest)});
     }
   }
 
