@@ -229,10 +229,10 @@ inline Comparison compare(int count, int passes)
     for (int pass = 0; pass < passes; ++pass) {
       const auto begin = std::chrono::steady_clock::now();
       for (const State& state : states) {
-        if constexpr (requires { method(state.q, state.qd, ws); }) {
-          method(state.q, state.qd, ws);  // with no more of the O(n) pass than the method needs
+        if constexpr (requires { method(state.q, state.qd, ws); }) {  // with no more of the O(n) pass than it needs
+          static_cast<void>(method(state.q, state.qd, ws));
         } else {
-          method(iim::forward_dynamics(state.q, state.qd, ws));
+          static_cast<void>(method(iim::forward_dynamics(state.q, state.qd, ws)));
         }
       }
       const std::chrono::duration<double, std::micro> time = std::chrono::steady_clock::now() - begin;

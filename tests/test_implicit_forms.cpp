@@ -144,7 +144,7 @@ TEST_CASE("what was active before leaves nothing behind")
       // A copy does not refer to what it was copied from.
       Form copy = new_product;
       inputs.set_active(0, !inputs.block(0).active);
-      new_product(fd);
+      REQUIRE(new_product(fd).ok());
       inputs.set_active(0, !inputs.block(0).active);
       CHECK(copy(fd).Bhat == a.Bhat);
       changed += inputs.columns() < inputs.max_columns();

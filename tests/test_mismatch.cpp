@@ -6,13 +6,13 @@
 #include <iim/equations_of_motion.hpp>
 #include <iim/global_inverse.hpp>
 #include <iim/iim.hpp>
-#include <iim/models.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/several_states.hpp>
 #include <iim/task.hpp>
 #include <iim/unit_force.hpp>
 
 #include <limits>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -26,11 +26,26 @@ using namespace iim;
 
 namespace {
 
-using Tree = decltype(DynamicTree(std::declval<const StandardAssembly<double>&>()));
+using Parts = Assembly<RevoluteLink<double>>;  // one type: this file is compiled by itself
+using Tree = Parts::Tree;
 
-StandardAssembly<double> robot(double mass)
+Parts chain(int links)
 {
-  StandardAssembly<double> assembly = models::chain<double>(3);
+  Parts assembly;
+  Attachment<double> on;
+  for (int k = 0; k < links; ++k) {
+    const std::string name = "link" + std::to_string(k);
+    assembly.add(name, on,
+                 RevoluteLink<double>{{Vector3<double>::UnitY()},
+                                      {1, {0, 0, -0.5}, Vector3<double>(0.1, 0.1, 0.01).asDiagonal()}});
+    on = {name, Matrix3<double>::Identity(), {0, 0, -1}};
+  }
+  return assembly;
+}
+
+Parts robot(double mass)
+{
+  Parts assembly = chain(3);
   RevoluteLink<double> hand{{Vector3<double>::UnitX()}, {}};
   hand.body.mass = mass;
   hand.body.com = {0, 0, 0.1};
@@ -89,7 +104,7 @@ void for_each_method(Robot& robot, F&& f)
 
 TEST_CASE("M⁻¹ of a state without a result is NaN, and that of the next is not")
 {
-  StandardAssembly<double> assembly = robot(1);
+  Parts assembly = robot(1);
   assembly.add("beside", {}, RevoluteLink<double>{{}, {1, Vector3<double>::UnitX(), Matrix3<double>::Identity()}});
   Robot a{Tree(assembly)};
   RecursiveInverse recursive(a.tree, a.inputs);
@@ -340,7 +355,7 @@ TEST_CASE("tasks of one robot, and another's B̂")
   CHECK(tasks(at_once).JB == tasks(at_once.fd, at_once).JB);
   tasks.set_active(7, false);  // none of its blocks
   CHECK(tasks.rows() == 3);
-  const Tree small(models::chain<double>(2));
+  const Tree small(chain(2));
   const Inputs<Tree> inputs(small);
   Workspace<Tree> ws(small);
   ImplicitInversion other(small, inputs);
@@ -356,7 +371,7 @@ TEST_CASE("several states of an assembly with frames on frames, which are multip
 {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     test::Random random(seed);
-    StandardAssembly<double> assembly = robot(1);
+    Parts assembly = robot(1);
     assembly.add_frame("mount", {"hand", random.rotation(), random.vector(0.5)});
     assembly.add_frame("flange", {"mount", random.rotation(), random.vector(0.5)});
     assembly.add("tool", {"flange", random.rotation(), random.vector(0.5)},
@@ -376,12 +391,12 @@ TEST_CASE("several states of an assembly with frames on frames, which are multip
 TEST_CASE("several states of another assembly")
 {
   Robot a{Tree(robot(1))};
-  StandardAssembly<double> on_the_moon = robot(1);
+  Parts on_the_moon = robot(1);
   on_the_moon.set_gravity({0, 0, -1.6});
   CHECK_THROWS_WITH(SeveralStates(on_the_moon, a.inputs), Catch::Matchers::ContainsSubstring("gravity"));
   CHECK_NOTHROW(SeveralStates(robot(1), a.inputs));
   CHECK_THROWS_WITH(SeveralStates(robot(2), a.inputs), Catch::Matchers::ContainsSubstring("'hand'"));
-  CHECK_THROWS_AS(SeveralStates(models::chain<double>(3), a.inputs), ModelError);
+  CHECK_THROWS_AS(SeveralStates(chain(3), a.inputs), ModelError);
 }
 
 }  // namespace test_mismatch

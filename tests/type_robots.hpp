@@ -76,7 +76,7 @@ Multipliers cut_loops(const Tree& tree, const Inputs<Tree>& inputs, const std::v
   const Eigen::MatrixXd at_points = solve(tree, points, q, qd).Bhat;
   Multipliers result{solve(tree, inputs, q, qd), 0, 0};
   Workspace ws(tree);
-  forward_dynamics(q, qd, ws);
+  REQUIRE(forward_dynamics(q, qd, ws).ok());
   const auto point = [&](const std::string& name, const Vec3& at) {
     const FrameReference<double>& f = tree.frame(name);
     const auto& state = ws.frame(f.frame);

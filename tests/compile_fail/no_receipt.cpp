@@ -10,8 +10,8 @@ int main()
   iim::ImplicitInversion method(tree, inputs);
   Eigen::VectorXd q, qd;
 #ifdef IIM_CORRECT
-  method(iim::forward_dynamics(q, qd, workspace));
+  static_cast<void>(method(iim::forward_dynamics(q, qd, workspace)));
 #else
-  method(workspace);
+  static_cast<void>(method(workspace));
 #endif
 }

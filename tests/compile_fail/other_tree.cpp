@@ -15,7 +15,7 @@ using Other = Two;
 void use(iim::ImplicitInversion<One>& method, iim::Workspace<Other>& workspace)
 {
   const Eigen::VectorXd q(1), qd(1);
-  method(iim::forward_dynamics(q, qd, workspace));
+  static_cast<void>(method(iim::forward_dynamics(q, qd, workspace)));
 }
 
 int main() {}
