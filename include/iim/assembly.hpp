@@ -14,7 +14,6 @@
 #include <map>
 #include <string>
 #include <tuple>
-#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -87,7 +86,7 @@ protected:
     Attachment<Scalar> on;
   };
 
-  [[gnu::cold]] void fall(const Vector3<Scalar>& gravity)
+  [[gnu::cold]] void take_gravity(const Vector3<Scalar>& gravity)
   {
     if (!all_finite(gravity)) { detail::refuse({"gravity must be finite, got ", to_text(gravity)}); }
     gravity_ = gravity;
@@ -228,7 +227,7 @@ public:
   /// Acceleration of free fall in world axes [m/s²]; (0, 0, −9.81) if not set.
   Assembly& set_gravity(const Vector3<Scalar>& gravity)
   {
-    this->fall(gravity);
+    this->take_gravity(gravity);
     return *this;
   }
 

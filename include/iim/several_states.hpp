@@ -30,8 +30,6 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <type_traits>
-#include <utility>
 
 namespace iim {
 

@@ -17,7 +17,6 @@
 #include <map>
 #include <string>
 #include <type_traits>
-#include <variant>
 #include <vector>
 
 namespace iim {

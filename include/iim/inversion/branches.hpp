@@ -14,7 +14,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <type_traits>
 
 namespace iim::detail {
 

@@ -10,13 +10,11 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <numbers>
 #include <ostream>
 #include <type_traits>
-#include <utility>
 
 #if defined(__AVX__) || defined(__SSE2__)
 #include <immintrin.h>

@@ -23,9 +23,7 @@
 #include <iim/update.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
-#include <type_traits>
 
 namespace iim::detail {
 

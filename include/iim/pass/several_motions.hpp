@@ -13,7 +13,6 @@
 #include <iim/subsystem.hpp>
 #include <iim/tree_data.hpp>
 
-#include <algorithm>
 #include <cstddef>
 
 namespace iim::detail {

@@ -6,8 +6,6 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
-#include <algorithm>
-
 namespace iim::detail {
 
 /// What a subsystem with one frame reads and writes in its step, whatever its type: one with at most one velocity, or a

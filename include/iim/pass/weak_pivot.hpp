@@ -64,9 +64,6 @@
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
-#include <array>
-#include <cstddef>
-
 namespace iim::detail {
 
 /// Whether the steps of S may: of one frame.

@@ -15,7 +15,6 @@
 
 #include <Eigen/LU>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>

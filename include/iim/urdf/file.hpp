@@ -16,7 +16,6 @@
 #include <tinyxml2.h>
 #endif
 
-#include <algorithm>
 #include <cctype>
 #include <cstddef>
 #include <exception>
