@@ -75,7 +75,7 @@ public:
       const Placement<Scalar> at = Placement<Scalar>{frame->on.R, frame->on.p} * Placement<Scalar>{on.R, on.p};
       on = {frame->on.parent, at.R, at.p, frame->on.outlet};
     }
-    detail::refuse({"'", name, "' hangs on a loop of frames"});
+    refuse({"'", name, "' hangs on a loop of frames"});
   }
 
 protected:
@@ -88,7 +88,7 @@ protected:
 
   [[gnu::cold]] void take_gravity(const Vector3<Scalar>& gravity)
   {
-    if (!all_finite(gravity)) { detail::refuse({"gravity must be finite, got ", to_text(gravity)}); }
+    if (!all_finite(gravity)) { refuse({"gravity must be finite, got ", to_text(gravity)}); }
     gravity_ = gravity;
   }
 
@@ -100,14 +100,14 @@ protected:
 
   [[gnu::cold]] void claim(const std::string& name, int outlets)
   {
-    if (name.empty() || name == "world") { detail::refuse({"'", name, "' cannot be the name of a part or frame"}); }
-    if (!outlets_.emplace(name, outlets).second) { detail::refuse({"the name '", name, "' is given twice"}); }
+    if (name.empty() || name == "world") { refuse({"'", name, "' cannot be the name of a part or frame"}); }
+    if (!outlets_.emplace(name, outlets).second) { refuse({"the name '", name, "' is given twice"}); }
   }
 
   /// The parts depth first, each on a part or the world.
   [[gnu::cold]] Array<Sorted> depth_first(const Array<const NamedPlace<Scalar>*>& parts) const
   {
-    if (parts.empty()) { detail::refuse({"the assembly has no parts"}); }
+    if (parts.empty()) { refuse({"the assembly has no parts"}); }
     const int size = static_cast<int>(parts.size());
     const auto at = [](int k) { return static_cast<std::size_t>(k); };
     std::map<std::string, int> index;
@@ -139,7 +139,7 @@ protected:
     }
     for (int k = 0; k < size; ++k) {
       if (!reached[at(k)]) {
-        detail::refuse({"subsystem '", parts[at(k)]->name, "' hangs on a loop: its parents never reach the world"});
+        refuse({"subsystem '", parts[at(k)]->name, "' hangs on a loop: its parents never reach the world"});
       }
     }
     return order;
@@ -150,17 +150,15 @@ private:
   {
     if (on.parent != "world") {
       const auto parent = outlets_.find(on.parent);
-      if (parent == outlets_.end()) {
-        detail::refuse({"'", name, "' hangs on '", on.parent, "', which does not exist"});
-      }
+      if (parent == outlets_.end()) { refuse({"'", name, "' hangs on '", on.parent, "', which does not exist"}); }
       if (on.outlet < 0 || on.outlet >= parent->second) {
-        detail::refuse({"'", name, "' hangs on outlet ", std::to_string(on.outlet), " of '", on.parent, "', which has ",
-                        std::to_string(parent->second)});
+        refuse({"'", name, "' hangs on outlet ", std::to_string(on.outlet), " of '", on.parent, "', which has ",
+                std::to_string(parent->second)});
       }
     }
     if (!all_finite(on.R) || !all_finite(on.p)) {
-      detail::refuse({"'", name, "': the coupling point's placement must be finite, got R = ", to_text(on.R),
-                      ", p = ", to_text(on.p)});
+      refuse({"'", name, "': the coupling point's placement must be finite, got R = ", to_text(on.R),
+              ", p = ", to_text(on.p)});
     }
     Scalar error(0);
     for (int i = 0; i < 3; ++i) {
@@ -172,7 +170,7 @@ private:
     const Scalar volume = dot(column(on.R, 0), cross(column(on.R, 1), column(on.R, 2)));
     const double rounding = 64 * to_double(Eigen::NumTraits<Scalar>::epsilon());  // a few rotations multiplied
     if (!(to_double(error) < std::max(1e-12, rounding * rounding)) || !(volume > Scalar(0))) {
-      detail::refuse({"'", name, "': the coupling point's R must be a rotation, got ", to_text(on.R)});
+      refuse({"'", name, "': the coupling point's R must be a rotation, got ", to_text(on.R)});
     }
   }
 
