@@ -43,9 +43,8 @@ struct Body {
   }
 
   bool is_massless = false;  ///< set by massless()
-  /// Lets a principal moment exceed the sum of the other two, which that of no body does but many a robot's file says:
-  /// M stays positive definite. Where the smallest moment is zero then, q̈₀ in square-root form ends with a status while
-  /// the body turns.
+  /// Lets a principal moment exceed the sum of the other two, which that of no body does but many a robot's file says.
+  /// M stays positive definite.
   bool any_moments = false;
 
   /// The same body in the axes of an outer frame.

@@ -240,6 +240,10 @@ struct KinematicStep {
         place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r,
                                                 f.omega, N_k);
         f.inertia().h.setZero();
+        if constexpr (scene.velocity) {
+          const BodyRoot<Scalar>& body = ws.frame_body(node.frame + k);
+          if (body.has_beside) [[unlikely]] { f.inertia().h.template tail<3>() = moment_beside(body, f.R, f.omega); }
+        }
       } else {
         f.arrived = false;
         f.loses = false;

@@ -5,7 +5,6 @@
 #include <iim/spatial.hpp>
 
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace iim::detail {
@@ -55,11 +54,16 @@ struct BodyRoot {
   Vector3<Scalar> linear = Vector3<Scalar>::Zero();   ///< N_b S of an own_twist(): the first three, in the frame's axes
   Vector3<Scalar> angular = Vector3<Scalar>::Zero();  ///< and the other three
   Scalar own_scale = Scalar(0);                       ///< Σ of both if nothing cancelled
+  /// θ_j − θ_i of an axis without row, which the body then needs a moment to turn about: of Body::any_moments, or of
+  /// what is less than the roundings of a file.
+  Vector3<Scalar> beside = Vector3<Scalar>::Zero();
+  bool has_beside = false;
   int rows = 0;
 
   BodyRoot() = default;
   explicit BodyRoot(const FrameMass<Scalar>& body)
   {
+    using std::abs;
     using std::sqrt;
     if (!body.present) { return; }
     root_mass = sqrt(body.mass);
@@ -85,14 +89,14 @@ struct BodyRoot {
     to_axes = axes.transpose();
     rows = 3;
     for (int k = 0; k < 3; ++k) {
+      const Scalar difference = moment((k + 2) % 3) - moment((k + 1) % 3);
       if (moment(k) > roundings) {
         root_moment(k) = sqrt(moment(k));
-        gyration(k) = (moment((k + 2) % 3) - moment((k + 1) % 3)) / root_moment(k);
+        gyration(k) = difference / root_moment(k);
         ++rows;
-      } else if (moment((k + 1) % 3) - moment((k + 2) % 3) > Scalar(1e-5) * moment(0) ||
-                 moment((k + 2) % 3) - moment((k + 1) % 3) > Scalar(1e-5) * moment(0)) {
-        gyration(0) = std::numeric_limits<Scalar>::quiet_NaN();  // Body::any_moments: no row can hold the moment that
-                                                                 // it needs to turn
+      } else if (abs(difference) > Scalar(1e-5) * moment(0)) {
+        beside(k) = difference;
+        has_beside = true;
       }
     }
   }
@@ -111,6 +115,22 @@ struct BodyRoot {
     }
   }
 };
+
+/// Moment (world axes) that the body needs to turn about axes where it has no row.
+template <class Scalar>
+[[gnu::noinline]] Vector3<Scalar> moment_beside(const BodyRoot<Scalar>& body, const Matrix3<Scalar>& R,
+                                                const Vector3<Scalar>& omega)
+{
+  Matrix3<Scalar> p;
+  multiply(R, body.axes, p);
+  Vector3<Scalar> spin, m(Scalar(0), Scalar(0), Scalar(0));
+  for (int k = 0; k < 3; ++k) { spin(k) = p(0, k) * omega(0) + p(1, k) * omega(1) + p(2, k) * omega(2); }
+  for (int k = 0; k < 3; ++k) {
+    const Scalar along = body.beside(k) * spin((k + 1) % 3) * spin((k + 2) % 3);
+    for (int i = 0; i < 3; ++i) { m(i) += p(i, k) * along; }
+  }
+  return m;
+}
 
 /// Part of z in the rows of moments that a moment m on a body is, N_bᵀ z = −m; takes from m what these rows carry. As a
 /// wrench beside N, m would act by its roundings on what turns freely about the axis where the body has no row, be that

@@ -350,6 +350,16 @@ template <Scene scene, class S, class Workspace, class Rows, int n_within>
     if constexpr (scene.velocity && rotor_count<S>() > 0) {
       for (int k = 3; k < body_rows; ++k) { own.at(rhs, k) += left.turning(k - 3); }
     }
+    if constexpr (scene.velocity) {
+      if (body.has_beside) [[unlikely]] {
+        const Vector3<Scalar> m = moment_beside(body, ws.inlet_axes(node, state), ws.frame(node.inlet).omega);
+        Vector6<Scalar>& h = inlet.keeps_v ? inlet.h : ws.frame(node.inlet).inertia().h;
+        for (int i = 0; i < 3; ++i) {
+          h(3 + i) += m(i);
+          if (inlet.keeps_v) { inlet.h_along += inlet.S(3 + i) * m(i); }
+        }
+      }
+    }
     move.known = none;
     if constexpr (scene.velocity) { move.known.template head<3>() = state.c; }
     move.T = none;
