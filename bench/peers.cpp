@@ -20,6 +20,7 @@
 
 #include <iim_build_info.hpp>
 
+#include <algorithm>
 #include <csignal>
 #include <exception>
 #include <filesystem>
@@ -41,8 +42,12 @@ using namespace peers;
 constexpr std::uint64_t seed = 20240617;
 
 /// How far two right answers may be apart, relative: an error of ε in M comes back κ(M)-fold, every entry of M sums
-/// up to n terms, and each term takes some 16 roundings.
-double bound(int n, double condition) { return 16 * n * std::numeric_limits<double>::epsilon() * condition; }
+/// up to n terms, and each term takes some 16 roundings. Long chains have κ of up to 4 n⁴, and lose less: seven digits
+/// at 1000 links.
+double bound(int n, double condition)
+{
+  return std::min(1e-6, 16 * n * std::numeric_limits<double>::epsilon() * condition);
+}
 
 struct Options {
   std::filesystem::path out;

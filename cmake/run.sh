@@ -60,8 +60,8 @@ find_compiler() {  # sets compiler; empty if there is none
     new_enough "$CXX" && compiler=$CXX
     return 0
   fi
-  for name in c++ g++ clang++ g++-15 g++-14 g++-13 g++-12 clang++-19 clang++-18 clang++-17 clang++-16 clang++-15 \
-              clang++-14; do
+  for name in c++ g++ clang++ g++-16 g++-15 g++-14 g++-13 g++-12 clang++-21 clang++-20 clang++-19 \
+              clang++-18 clang++-17 clang++-16 clang++-15 clang++-14; do
     if new_enough "$name"; then compiler=$name; return 0; fi
   done
 }

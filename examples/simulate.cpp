@@ -52,6 +52,8 @@ public:
       body_.push_back(tasks_.add_frame(tree.name(i), tree.frame_mass(tree.node(i).frame).com));
     }
   }
+  Simulation(const Simulation&) = delete;  // tasks_ refers to inputs_
+  Simulation& operator=(const Simulation&) = delete;
 
   /// d(q, q̇)/dt.
   State rate(const State& x)

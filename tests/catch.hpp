@@ -14,12 +14,3 @@ inline auto ContainsSubstring(const std::string& text) { return Contains(text); 
 
 }  // namespace Catch::Matchers
 #endif
-
-// Leaves the test case with a message. 2.13 has no notion of a skipped test: it shows the message as a warning.
-#ifndef SKIP
-#define SKIP(message)             \
-  do {                            \
-    WARN("skipped: " << message); \
-    return;                       \
-  } while (false)
-#endif

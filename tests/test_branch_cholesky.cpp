@@ -2,7 +2,7 @@
 // The factorisation M = LᵀL of random robots: its product, its solutions, and what it says of a singular matrix.
 #include <iim/iim.hpp>
 #include <iim/mass_matrix/branch_cholesky.hpp>
-#include <iim/mass_matrix/equations_of_motion.hpp>
+#include <iim/mass_matrix/sparse_equations.hpp>
 
 #include "catch.hpp"
 #include "random_tree.hpp"

@@ -15,10 +15,14 @@ using namespace iim;
 namespace {
 
 using Elastic = iim::ElasticMotorArm<double>;
-using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>, FixedLink<double>, Elastic>;
+/// What does not take the bodies of FixedLinks.
+struct Bare : RevoluteLink<double> {
+  Body<double>& fixed_body() = delete;
+};
+using Parts = Assembly<RevoluteLink<double>, FloatingBase<double>, FixedLink<double>, Elastic, Bare>;
 
 struct Robots {
-  Parts given;  ///< base – plate – bracket, on which an arm and the frame "eye" are; a hand on the arm
+  Parts given;  ///< base – plate – bracket, on which an arm and the frame "eye" are; an elastic hand on it, with a tool
   Parts merged;
 };
 
@@ -26,16 +30,23 @@ Robots robots(std::uint64_t seed)
 {
   test::Random random(seed);
   const FloatingBase<double> base{random.body()};
-  const FixedLink<double> plate{{}, random.body()}, bracket{{}, random.body()}, hand{{}, random.body()};
+  const FixedLink<double> plate{{}, random.body()}, bracket{{}, random.body()}, tool{{}, random.body()};
   const RevoluteLink<double> arm{{random.unit()}, random.body()};
+  Elastic hand;
+  hand.joint.axis = random.unit();
+  hand.body = random.body();
+  hand.motor = {.gear_ratio = 50.0, .axial_inertia = 1e-4};
+  hand.stiffness = 100;
   const Placement<double> to_plate{random.rotation(), random.vector(1)},
       to_bracket{random.rotation(), random.vector(1)}, to_arm{random.rotation(), random.vector(1)},
-      to_eye{random.rotation(), random.vector(1)}, to_hand{random.rotation(), random.vector(1)};
+      to_eye{random.rotation(), random.vector(1)}, to_hand{random.rotation(), random.vector(1)},
+      to_tool{random.rotation(), random.vector(1)};
   const auto on = [](const std::string& parent, const Placement<double>& at) {
     return Attachment<double>{parent, at.R, at.p};
   };
   Robots result;
-  result.given.add("hand", on("arm", to_hand), hand)
+  result.given.add("tool", on("hand", to_tool), tool)
+      .add("hand", on("arm", to_hand), hand)
       .add("arm", on("bracket", to_arm), arm)
       .add("base", {}, base)
       .add("bracket", on("plate", to_bracket), bracket)
@@ -47,30 +58,33 @@ Robots robots(std::uint64_t seed)
   Body<double> on_plate = plate.body;
   on_plate.add(bracket.body.placed(to_bracket));
   whole.body.add(on_plate.placed(to_plate));
-  RevoluteLink<double> arm_and_hand = arm;
-  arm_and_hand.body.add(hand.body.placed(to_hand));
+  Elastic hand_and_tool = hand;
+  hand_and_tool.body.add(tool.body.placed(to_tool));
   result.merged.add("base", {}, whole)
-      .add("arm", on("base", bracket_on_base * to_arm), arm_and_hand)
+      .add("arm", on("base", bracket_on_base * to_arm), arm)
+      .add("hand", on("arm", to_hand), hand_and_tool)
       .add_frame("plate", on("base", to_plate))
       .add_frame("bracket", on("base", bracket_on_base))
       .add_frame("eye", on("base", bracket_on_base * to_eye))
-      .add_frame("hand", on("arm", to_hand));
+      .add_frame("tool", on("hand", to_tool));
   return result;
 }
 
 }  // namespace
 
-TEST_CASE("FixedLinks on a base and a link: bit for bit what bodies and frames put together by hand are")
+TEST_CASE("FixedLinks on a base and an elastic arm: bit for bit what bodies and frames put together by hand are")
 {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const Robots both = robots(seed);
     const DynamicTree tree(both.given), expected(both.merged);
-    REQUIRE(tree.size() == 2);
+    REQUIRE(tree.size() == 3);
     CHECK(tree.is_shaped_as(expected));
     CHECK(tree.node(1).parent == 0);
+    CHECK(tree.node("hand").index == 2);
+    CHECK(tree.node("hand").v == 7);
     const auto result = [](const auto& robot, const test::RandomState& state) {
       Inputs inputs(robot);
-      for (const char* name : {"plate", "eye", "hand", "bracket"}) { inputs.add_wrench(name, {0.1, 0.2, 0.3}); }
+      for (const char* name : {"plate", "eye", "tool", "bracket"}) { inputs.add_wrench(name, {0.1, 0.2, 0.3}); }
       Workspace ws(robot);
       ImplicitInversion method(robot, inputs);
       const auto dynamics = method(state.q, state.qd, ws);
@@ -89,23 +103,22 @@ TEST_CASE("FixedLinks as frames: where they are, and what asks for them as subsy
 {
   const DynamicTree tree(robots(1).given);
   CHECK(tree.frame("bracket").subsystem == tree.index("base"));
-  CHECK(tree.frame("hand").subsystem == tree.index("arm"));
-  CHECK_THROWS_WITH(tree.index("hand"), "'hand' is no subsystem, but a frame on 'arm' (tree.frame)");
+  CHECK(tree.frame("tool").subsystem == tree.index("hand"));
+  CHECK_THROWS_WITH(tree.index("tool"), "'tool' is no subsystem, but a frame on 'hand' (tree.frame)");
+  CHECK_THROWS_WITH(tree.node("tool"), "'tool' is no subsystem, but a frame on 'hand' (tree.frame)");
   CHECK_THROWS_WITH(tree.index("eye"), "'eye' is no subsystem, but a frame on 'base' (tree.frame)");
   CHECK_THROWS_WITH(tree.index("foot"), "there is no subsystem 'foot'");
   Inputs inputs(tree);
-  CHECK_THROWS_AS(inputs.add_motor("hand"), ModelError);
-  CHECK(inputs.columns() == 1);
+  CHECK_THROWS_AS(inputs.add_motor("tool"), ModelError);
+  CHECK(inputs.columns() == 2);
 }
 
 TEST_CASE("FixedLinks that are subsystems: on the world, and on what does not take their bodies")
 {
   test::Random random(1);
   Parts parts;
-  Elastic drive;
+  Bare drive;
   drive.body = random.body();
-  drive.motor = {.gear_ratio = 50.0, .axial_inertia = 1e-4};
-  drive.stiffness = 100;
   parts.add("post", {}, FixedLink<double>{{}, random.body()})
       .add("shelf", {.parent = "post", .p = {0, 0, 1}}, FixedLink<double>{{}, random.body()})
       .add("drive", {.parent = "shelf", .p = {0, 1, 0}}, drive)

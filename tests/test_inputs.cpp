@@ -94,6 +94,10 @@ TEST_CASE("no point, {} and three numbers", "[inputs]")
   CHECK(inputs.block(inputs.add_force("hand", {1, 0, -2})).point == Vec3(1, 0, -2));
   CHECK(inputs.block(inputs.add_force("hand", {})).point == Vec3::Zero());
   CHECK_THROWS_WITH(inputs.add_force("world"), "the world is no frame of the robot");
+  const Eigen::VectorXd flat = Eigen::VectorXd::Ones(2), point = Eigen::VectorXd::Ones(3);
+  CHECK_THROWS_WITH(inputs.add_force("hand", flat), "a point of a frame must have 3 coordinates, got 2");
+  CHECK_THROWS_AS(tasks.add_point("hand", flat), ModelError);
+  CHECK(inputs.block(inputs.add_force("hand", point)).point == Vec3::Ones());
 }
 
 TEST_CASE("a wrench is its force, and moments are pairs of forces", "[inputs]")
@@ -250,6 +254,8 @@ TEST_CASE("what a status is about, in words", "[inputs]")
   CHECK(describe(fd, tree).find("invalid state (") == 0);
   CHECK(describe(fd, tree).find("): subsystem 'hand'") != std::string::npos);
   CHECK(describe(method(fd), tree) == describe(fd, tree));
+  CHECK(describe(implicit_step(neutral(tree), qd, -1.0, ws), tree) ==
+        "invalid state (a step's length negative or not finite)");
 }
 
 }  // namespace test_inputs

@@ -3,6 +3,7 @@
 // comes back.
 #include "catch.hpp"
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <iim/iim.hpp>
 
@@ -146,8 +147,8 @@ Count count(const Parts& parts, int states, test::Random& random)
     const VectorX<Exact> left =
         held.qdd.template cast<Exact>() - exact.qdd0 - exact.Bhat * holding.template cast<Exact>();
     const Exact by_roundings = (exact.Bhat.cwiseAbs() * holding.template cast<Exact>().cwiseAbs()).norm();
-    all.worst_held = std::max(
-        all.worst_held, static_cast<double>(left.norm() / by_roundings) / (16 * Eigen::NumTraits<Scalar>::epsilon()));
+    test::keep_worst(all.worst_held,
+                     static_cast<double>(left.norm() / by_roundings) / (16 * Eigen::NumTraits<Scalar>::epsilon()));
   }
   return all;
 }

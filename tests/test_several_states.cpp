@@ -53,6 +53,13 @@ TEST_CASE("states by row, by column, as blocks and transposed are the same state
     CHECK(several.accelerations(q, qd, u, qdd, outcomes) == 0);
     CHECK(qdd == expected);
   };
+  // Results go to columns of a matrix of the caller's, too.
+  iim::MatrixX<T> into = iim::MatrixX<T>::Zero(tree.n_v() + 3, count + 2);
+  auto part = into.block(1, 1, tree.n_v(), count);
+  CHECK(several.accelerations(states.q, states.qd, states.u, part, outcomes) == 0);
+  CHECK(part == expected);
+  CHECK(into.row(0).isZero(0));
+  CHECK(into.bottomRows(2).isZero(0));
   check(RowMajor(states.q), RowMajor(states.qd), RowMajor(states.u));
   const iim::MatrixX<T> by_state = states.q.transpose();
   check(by_state.transpose(), states.qd, states.u);

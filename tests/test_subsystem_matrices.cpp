@@ -1,6 +1,7 @@
+// REQUIRES: boost
 // PROGRAM: tests_methods
 // T_ip, F_i, M̄_i, h̄_i, B̄_i: put together by (9) and (11)–(13) they are the paper's M, h and B, from the literal
-// reference. REQUIRES: boost
+// reference.
 #include "catch.hpp"
 
 #include <iim/subsystem_matrices.hpp>

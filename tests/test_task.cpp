@@ -205,6 +205,10 @@ TEST_CASE("tasks are switched on and off, and a bad state leaves no numbers behi
   REQUIRE(after.J == J);
   REQUIRE(after.JB == JB);
   REQUIRE(after.Vdot0 == Vdot0);
+  for (Index id = 0; id < 6; ++id) {
+    REQUIRE(tasks.placement(id).p.allFinite());
+    REQUIRE(tasks.placement(id).R.allFinite());
+  }
 }
 
 TEST_CASE("tasks say what is wrong with them", "[task]")

@@ -112,7 +112,7 @@ TEST_CASE("A four-bar is what MuJoCo has for crank, coupler and rocker with a co
         m.side * std::acos((m.rocker * m.rocker + L * L - m.coupler * m.coupler) / (2 * m.rocker * L));
     const Eigen::Vector2d C = m.ground + m.rocker * Eigen::Vector2d(std::cos(rocker), std::sin(rocker));
     const double coupler = std::atan2(C.y() - B.y(), C.x() - B.x());
-    worst = std::max(
+    keep_worst(
         worst,
         around.difference(
             random, bars, q,
@@ -170,7 +170,7 @@ TEST_CASE("An actuated lever is what MuJoCo has for lever, cylinder and piston w
     const Vec3 x = m.plane.x, n = m.plane.normal, y = n.cross(x);
     const double q = random.uniform(-1, 1);
     const Eigen::Vector2d way = Eigen::Rotation2Dd(q) * m.pin - m.pivot;
-    worst = std::max(
+    keep_worst(
         worst,
         around.difference(
             random, lever, q,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "random_tree.hpp"
+#include "worst.hpp"
 
 #include <iim/iim.hpp>
 
@@ -101,7 +102,7 @@ Multipliers cut_loops(const Tree& tree, const Inputs<Tree>& inputs, const std::v
     drift.conservativeResize(k + more);
     MinvJt.rightCols(more) = (at_points.middleCols(at, 3) - at_points.middleCols(at + 3, 3)) * directions;
     drift.tail(more) = directions.transpose() * (a.second - b.second);
-    result.gap = std::max(result.gap, (directions.transpose() * (a.first - b.first)).norm());
+    keep_worst(result.gap, (directions.transpose() * (a.first - b.first)).norm());
   }
   const Eigen::MatrixXd J = M_inv.llt().solve(MinvJt).transpose();
   const Eigen::LDLT<Eigen::MatrixXd> compliance(J * MinvJt);

@@ -67,6 +67,7 @@ struct Method {
   Look look;
   std::function<std::unique_ptr<Runner>(const Scene<double>&)> make;
   bool gives_Bhat = true;
+  double most = 1e-12;  ///< error that roundings explain, of q̈₀ and B̂
 };
 
 /// A method of the library on a Workspace with the given update.

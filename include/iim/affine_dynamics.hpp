@@ -3,13 +3,13 @@
 
 #include <iim/errors.hpp>
 #include <iim/receipt.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
 #include <cassert>
 #include <concepts>
 #include <cstdint>
-#include <limits>
 #include <type_traits>
 
 namespace iim {
@@ -94,8 +94,8 @@ public:
   {
     if (status != Status::ok) {
       columns = std::min(columns, max_columns_);  // what a mismatch leaves
-      qdd0_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      Bhat(columns).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      qdd0_.setConstant(not_a_number<Scalar>());
+      Bhat(columns).setConstant(not_a_number<Scalar>());
     }
     return {{qdd0_.data(), qdd0_.size()},
             {Bhat_.data(), qdd0_.size(), columns, Eigen::OuterStride<>(stride_)},

@@ -257,7 +257,7 @@ public:
     for (const NamedPart& part : parts_) { places.push_back(&part); }
     std::vector<NamedPart> order;
     for (const auto& [part, parent, on] : this->depth_first(places)) {
-      const NamedPart& given = parts_[at(part)];
+      const NamedPart& given = parts_[detail::at(part)];
       order.push_back({{given.name, on}, given.part, parent});
       const std::string owner = "subsystem '" + given.name + "'";
       detail::visit_part(order.back().part, [&](auto& s) { s.prepare(owner); });
@@ -287,10 +287,10 @@ public:
       Attachment<Scalar> on = part.on;
       int carrier = -1;
       if (part.parent >= 0) {
-        const Place& parent = places[at(part.parent)];
+        const Place& parent = places[detail::at(part.parent)];
         const Placement<Scalar> there = parent.on_part * Placement<Scalar>{on.R, on.p};
         carrier = parent.part;
-        on = {result.parts[at(carrier)].name, there.R, there.p, on.outlet};
+        on = {result.parts[detail::at(carrier)].name, there.R, there.p, on.outlet};
       }
       if (is_frame) {
         places.push_back({carrier, {on.R, on.p}});
@@ -304,13 +304,11 @@ public:
   }
 
 private:
-  static std::size_t at(int k) { return static_cast<std::size_t>(k); }
-
   /// Whether it is a fixed link on what takes its body. order: sorted.
   [[gnu::cold]] static bool goes_into_carrier(const NamedPart& part, const std::vector<NamedPart>& order)
   {
     constexpr std::array is_fixed{detail::is_fixed<S>()...}, takes{detail::takes_fixed_bodies<S>()...};
-    return part.parent >= 0 && is_fixed[part.part.index()] && takes[order[at(part.parent)].part.index()];
+    return part.parent >= 0 && is_fixed[part.part.index()] && takes[order[detail::at(part.parent)].part.index()];
   }
 
   /// Those of fixed links, tips first, as fixed links hang on each other.
@@ -326,7 +324,7 @@ private:
     for (auto part = order.rbegin(); part != order.rend(); ++part) {
       if (!goes_into_carrier(*part, order)) { continue; }
       Body<Scalar>& body = *fixed_body(*part);
-      fixed_body(order[at(part->parent)])->add(body.placed({part->on.R, part->on.p}));
+      fixed_body(order[detail::at(part->parent)])->add(body.placed({part->on.R, part->on.p}));
       body = Body<Scalar>::massless();
     }
   }

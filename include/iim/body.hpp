@@ -34,7 +34,8 @@ struct Body {
   Vector3<Scalar> com = Vector3<Scalar>::Zero();      ///< centre of mass [m]
   Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();  ///< about the centre of mass [kg m²]
 
-  /// A part without inertia (the cross of a universal joint, a frame). Mass zero in any other body is an error.
+  /// A part without inertia (the cross of a universal joint, a frame). Mass zero in any other body of the types in
+  /// subsystem/ is an error; rotors have one with moments alone.
   static Body massless()
   {
     Body body;

@@ -5,22 +5,22 @@
 #include <iim/forward_dynamics.hpp>
 #include <iim/inputs.hpp>
 #include <iim/inversion/branches.hpp>
-#include <iim/mass_matrix/equations_of_motion.hpp>
+#include <iim/mass_matrix/sparse_equations.hpp>
 #include <iim/receipt.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 
 #include <algorithm>
 #include <cassert>
+#include <concepts>
 #include <cstdint>
-#include <limits>
 
 namespace iim {
 
 /// M q̈ + h = B u at one state. Refers to memory of the EquationsOfMotion that made it; good until its next use. If
 /// status is not ok, all entries are NaN.
 template <class Scalar>
-struct MotionEquations {
+struct [[nodiscard]] MotionEquations {
   Eigen::Map<const MatrixX<Scalar>> M;  ///< n_v × n_v, symmetric [kg, kg m, kg m²]
   Eigen::Map<const VectorX<Scalar>> h;  ///< n_v: velocity terms, weights, springs, dampers and friction [N m, N]
   Eigen::Map<const MatrixX<Scalar>> B;  ///< n_v × m, columns in the order of the active inputs
@@ -54,6 +54,7 @@ public:
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   MotionEquations<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
     return compute(fd.workspace(), fd.status_on(*tree_, scene), fd.subsystem());
@@ -61,10 +62,11 @@ public:
 
   /// The same without the O(n) pass; overwrites the workspace.
   template <class Q, class V, class Workspace>
-    requires(!scene.implicit)
+    requires std::same_as<typename Workspace::Tree, Tree>
   MotionEquations<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                      Workspace& workspace) &
   {
+    static_assert(!scene.implicit, "of an implicit step, give the receipt: it says how long the step is");
     const ForwardDynamics<Workspace> fd = detail::run_kinematics<scene>(q.derived(), qd.derived(), workspace);
     return compute(workspace, fd.status_on(*tree_), fd.subsystem());
   }
@@ -94,7 +96,7 @@ private:
 
   MotionEquations<Scalar> failed(Index m, Status status, Index subsystem)
   {
-    const Scalar nan = std::numeric_limits<Scalar>::quiet_NaN();
+    const Scalar nan = detail::not_a_number<Scalar>();
     M_.setConstant(nan);
     h_.setConstant(nan);
     B_.setConstant(nan);

@@ -24,8 +24,9 @@ public:
 /// How a computation in the cycle ended.
 enum class Status {
   ok,
-  invalid_state,          ///< q, q̇, u or an implicit step's length not finite, a quaternion far from unit length, a
-                          ///< linkage that cannot close or is at a dead centre; see subsystem()
+  invalid_state,          ///< q, q̇ or u not finite, an implicit step's length negative or not finite, a quaternion
+                          ///< far from unit length, a linkage that cannot close or is at a dead centre; `subsystem`
+                          ///< says whose, if one's
   not_positive_definite,  ///< M̄_R of the named subsystem is not positive definite in the Scalar's precision
   not_finite,             ///< overflow: the state was finite, a result is not
   /// What does not belong together, asserted where assertions are on: an argument's size; a receipt of another robot or

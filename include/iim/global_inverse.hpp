@@ -8,11 +8,12 @@
 #include <iim/inputs.hpp>
 #include <iim/inversion/branches.hpp>
 #include <iim/mass_matrix/branch_cholesky.hpp>
-#include <iim/mass_matrix/equations_of_motion.hpp>
+#include <iim/mass_matrix/sparse_equations.hpp>
 #include <iim/spatial.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
+#include <concepts>
 
 namespace iim {
 
@@ -48,6 +49,7 @@ public:
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
     return compute(fd.workspace(), fd.status_on(*tree_, scene), fd.subsystem());
@@ -55,10 +57,11 @@ public:
 
   /// The same without the O(n) pass; overwrites the workspace.
   template <class Q, class V, class Workspace>
-    requires(!scene.implicit)
+    requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                     Workspace& workspace) &
   {
+    static_assert(!scene.implicit, "of an implicit step, give the receipt: it says how long the step is");
     const ForwardDynamics<Workspace> fd = detail::run_kinematics<scene>(q.derived(), qd.derived(), workspace);
     return compute(workspace, fd.status_on(*tree_), fd.subsystem());
   }

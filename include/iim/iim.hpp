@@ -14,7 +14,7 @@
 // their laws of mechanics as a test (law_suite.hpp), and T_ip, F_i, M̄_i, h̄_i, B̄_i of one subsystem as dense matrices
 // (subsystem_matrices.hpp).
 //
-// Headers to include lie here and in subsystem/. What they are made of, each in namespace detail, to read only:
+// Headers to include lie here and in subsystem/; what they are made of lies in folders, and comes with them:
 //
 //     pass/          the O(n) pass, its three loops, and how small pivots are mended
 //     square_root/   the inward loop of Update::square_root, on N with A = NᵀN
@@ -25,7 +25,8 @@
 //
 // Subsystem i hangs with its coupling point on its parent p. Letters of the paper, and their names here:
 //
-//     V_i, V̇_i        FrameState::omega, Vdot angular velocity, acceleration of a frame at the coupling point, world axes
+//     V_i              FrameState::omega       its angular part: angular velocity of a frame, world axes
+//     V̇_i              FrameState::Vdot        acceleration of a frame less gravity's, at the coupling point, world axes
 //     q̇_i             qd                      velocities of subsystem i, n_i
 //     T_ip             NodeState::r, S_k       X(r) [1 S_k]   (8)
 //     Ṫ_ip V_p         NodeState::c, FrameState::bias    (19)

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <iim/errors.hpp>
-#include <iim/pass/kinematics.hpp>
+#include <iim/scene.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree_data.hpp>
 

@@ -17,14 +17,15 @@
 #include <iim/numerics/array.hpp>
 #include <iim/numerics/registers.hpp>
 #include <iim/receipt.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
 #include <algorithm>
 #include <array>
+#include <concepts>
 #include <cstddef>
-#include <limits>
 
 namespace iim {
 
@@ -43,7 +44,7 @@ public:
   {
     Minv_.setZero();
     for (const Node& node : tree.nodes()) {
-      root_end_[at(node.index)] = node.parent < 0 ? node.v_end : root_end_[at(node.parent)];
+      root_end_[detail::at(node.index)] = node.parent < 0 ? node.v_end : root_end_[detail::at(node.parent)];
     }
   }
 
@@ -52,12 +53,13 @@ public:
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
     const Index m = B_.inputs().columns();
     const Status status = result_.status_on(B_.inputs(), fd.status_on(*tree_));
     if (status != Status::ok) {
-      Minv_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      Minv_.setConstant(detail::not_a_number<Scalar>());
       is_known_ = false;
       return result_.result(m, status, fd.subsystem());
     }
@@ -79,7 +81,7 @@ public:
 private:
   static constexpr int lanes = detail::lane_count<Scalar>;
   static constexpr int tile = 4;  ///< columns of B̂ that share one load of M⁻¹
-  using Lanes = detail::Lanes<Scalar>;
+  using Strip = detail::Strip<Scalar>;
   using Six = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;  // a six-vector per column of M⁻¹, transposed
 
   /// Wrenches from the tips to the world.
@@ -108,7 +110,7 @@ private:
         }
       } else if (node.inlet >= 0) {
         for (Index j = node.v; j < node.v_end; j += lanes) {
-          std::array<Lanes, 6> p = load_six(p_.data() + j);
+          std::array<Strip, 6> p = load_six(p_.data() + j);
           store_shifted(state.r, p, j, node.v_end - j);
         }
       }
@@ -120,44 +122,44 @@ private:
   [[gnu::always_inline]] void inward_range(const N& node, const NodeState<S>& state, int k, Index begin, Index end)
   {
     constexpr int n_i = S::n_i;
-    const auto& S_k = state.S_k[at(k)];
+    const auto& S_k = state.S_k[detail::at(k)];
     for (Index j = begin; j < end; j += lanes) {
-      std::array<Lanes, 6> p = load_six(p_.data() + j);
-      std::array<Lanes, n_i> tau;
+      std::array<Strip, 6> p = load_six(p_.data() + j);
+      std::array<Strip, n_i> tau;
       for (int d = 0; d < n_i; ++d) {
         constexpr int first = S::pattern.linear ? 0 : 3, last = S::pattern.angular ? 6 : 3;
-        tau[at(d)].setZero();
-        for (int c = first; c < last; ++c) { tau[at(d)] += p[at(c)] * S_k(c, d); }
+        tau[detail::at(d)].setZero();
+        for (int c = first; c < last; ++c) { tau[detail::at(d)] += p[detail::at(c)] * S_k(c, d); }
       }
       for (int d = 0; d < n_i; ++d) {
-        Lanes row = tau[0] * state.MbarR_inv(d, 0);
-        for (int e = 1; e < n_i; ++e) { row += tau[at(e)] * state.MbarR_inv(d, e); }
+        Strip row = tau[0] * state.MbarR_inv(d, 0);
+        for (int e = 1; e < n_i; ++e) { row += tau[detail::at(e)] * state.MbarR_inv(d, e); }
         detail::store(Minv_.data() + (node.v + d) * stride_ + j, row, end - j);
       }
       if (node.inlet < 0) { continue; }
       for (int c = 0; c < 6; ++c) {
         if constexpr (detail::is_free<S>()) {
-          p[at(c)].setZero();  // 1 − Wᵀ Sᵀ = 0
+          p[detail::at(c)].setZero();  // 1 − Wᵀ Sᵀ = 0
         } else {
-          for (int d = 0; d < n_i; ++d) { p[at(c)] -= tau[at(d)] * state.W(d, c); }
+          for (int d = 0; d < n_i; ++d) { p[detail::at(c)] -= tau[detail::at(d)] * state.W(d, c); }
         }
       }
       store_shifted(state.r, p, j, end - j);
     }
   }
 
-  [[gnu::always_inline]] std::array<Lanes, 6> load_six(const Scalar* from) const
+  [[gnu::always_inline]] std::array<Strip, 6> load_six(const Scalar* from) const
   {
-    std::array<Lanes, 6> p;
-    for (int c = 0; c < 6; ++c) { p[at(c)] = detail::load(from + c * stride_); }
+    std::array<Strip, 6> p;
+    for (int c = 0; c < 6; ++c) { p[detail::at(c)] = detail::load(from + c * stride_); }
     return p;
   }
 
   /// X(r)ᵀ p in columns j … of p_.
-  [[gnu::always_inline]] void store_shifted(const Vector3<Scalar>& r, std::array<Lanes, 6>& p, Index j, Index count)
+  [[gnu::always_inline]] void store_shifted(const Vector3<Scalar>& r, std::array<Strip, 6>& p, Index j, Index count)
   {
     detail::move_wrench(r, p);
-    for (int c = 0; c < 6; ++c) { detail::store(p_.data() + c * stride_ + j, p[at(c)], count); }
+    for (int c = 0; c < 6; ++c) { detail::store(p_.data() + c * stride_ + j, p[detail::at(c)], count); }
   }
 
   /// Accelerations from the world outward.
@@ -167,7 +169,7 @@ private:
     tree_->outward([&]<class N, class S>(const N& node, const S&) {
       const NodeState<S>& state = ws.template node<S>(node);
       // At the root y = 0: the rows are done, and only children need V̇.
-      const Index end = root_end_[at(node.index)];
+      const Index end = root_end_[detail::at(node.index)];
       for (Index j = node.v; j < end; j += lanes) {
         if (node.inlet < 0) {
           outward_lanes<S, false>(node, state, j, end - j);
@@ -182,44 +184,42 @@ private:
   [[gnu::always_inline]] void outward_lanes(const N& node, const NodeState<S>& state, Index j, Index count)
   {
     constexpr int n_i = S::n_i;
-    std::array<Lanes, 6> y;
+    std::array<Strip, 6> y;
     if constexpr (guided) {
-      y = load_six(Vdot_[at(of_frame_[node.inlet])].data() + j);
-      y[0] += y[4] * state.r(2) - y[5] * state.r(1);
-      y[1] += y[5] * state.r(0) - y[3] * state.r(2);
-      y[2] += y[3] * state.r(1) - y[4] * state.r(0);
+      y = load_six(Vdot_[detail::at(of_frame_[node.inlet])].data() + j);
+      detail::move_twist(state.r, y);
     }
-    std::array<Lanes, n_i> qdd, relative;
+    std::array<Strip, n_i> qdd, relative;
     for (int d = 0; d < n_i; ++d) {
       Scalar* row = Minv_.data() + (node.v + d) * stride_ + j;
       // Columns beyond the subtree have no force on it: what the row holds there is of the state before.
       if (j + lanes <= node.v_end) {
-        qdd[at(d)] = detail::load(row);
+        qdd[detail::at(d)] = detail::load(row);
       } else {
-        qdd[at(d)].setZero();
+        qdd[detail::at(d)].setZero();
         const Index own = node.v_end - j;
-        for (int l = 0; l < own; ++l) { qdd[at(d)](l) = row[l]; }
+        for (int l = 0; l < own; ++l) { qdd[detail::at(d)](l) = row[l]; }
       }
-      relative[at(d)] = qdd[at(d)];
+      relative[detail::at(d)] = qdd[detail::at(d)];
       if constexpr (guided) {
-        for (int c = 0; c < 6; ++c) { qdd[at(d)] -= y[at(c)] * state.W(d, c); }
-        detail::store(row, qdd[at(d)], count);
+        for (int c = 0; c < 6; ++c) { qdd[detail::at(d)] -= y[detail::at(c)] * state.W(d, c); }
+        detail::store(row, qdd[detail::at(d)], count);
       }
     }
     for (int k = 0; k < S::n_frames; ++k) {
-      Scalar* frame = Vdot_[at(of_frame_[node.frame + k])].data() + j;
+      Scalar* frame = Vdot_[detail::at(of_frame_[node.frame + k])].data() + j;
       for (int c = 0; c < 6; ++c) {
         // On a free subsystem S W = 1: y + S (M̄_R⁻¹ τ − W y) is S M̄_R⁻¹ τ.
         constexpr bool with_guidance = guided && !detail::is_free<S>();
-        Lanes Vdot;
+        Strip Vdot;
         if constexpr (with_guidance) {
-          Vdot = y[at(c)];
+          Vdot = y[detail::at(c)];
         } else {
           Vdot.setZero();
         }
         if (c < 3 ? S::pattern.linear : S::pattern.angular) {
           for (int d = 0; d < n_i; ++d) {
-            Vdot += (with_guidance ? qdd[at(d)] : relative[at(d)]) * state.S_k[at(k)](c, d);
+            Vdot += (with_guidance ? qdd[detail::at(d)] : relative[detail::at(d)]) * state.S_k[detail::at(k)](c, d);
           }
         }
         detail::store(frame + c * stride_, Vdot);
@@ -279,20 +279,20 @@ private:
     }
     const Index limb = limbs_.limb_of(column.subsystem);
     for (Index v = root.v; v < root.v_end; v += lanes) {
-      std::array<Lanes, count> sum;
-      for (int k = 0; k < count; ++k) { sum[at(k)].setZero(); }
+      std::array<Strip, count> sum;
+      for (int k = 0; k < count; ++k) { sum[detail::at(k)].setZero(); }
       limbs_.for_each_run(limb, column.begin, column.end, [&](Index a, Index first, Index run) {
         const Scalar* Minv = Minv_.data() + first * stride_ + v;
         for (Index i = 0; i < run; ++i, Minv += stride_) {
-          const Lanes M = detail::load(Minv);
-          for (int k = 0; k < count; ++k) { sum[at(k)] += M * entries[k * B_.stride() + a + i]; }
+          const Strip M = detail::load(Minv);
+          for (int k = 0; k < count; ++k) { sum[detail::at(k)] += M * entries[k * B_.stride() + a + i]; }
         }
       });
-      for (int k = 0; k < count; ++k) { detail::store(&Bhat(v, B_.column(j + k).bhat), sum[at(k)], root.v_end - v); }
+      for (int k = 0; k < count; ++k) {
+        detail::store(&Bhat(v, B_.column(j + k).bhat), sum[detail::at(k)], root.v_end - v);
+      }
     }
   }
-
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   const Tree* tree_;
   detail::Limbs limbs_;

@@ -1,7 +1,8 @@
 // What the library asks of a Scalar beyond arithmetic and Eigen::NumTraits, and where to say it for a new one.
 //
-// sqrt, sin, cos are found by argument-dependent lookup. Decisions in the cycle are reduced to two questions, so that
-// a Scalar with several lanes can answer for all of them.
+// abs, sqrt, sin, cos are found by argument-dependent lookup (subsystems may need more). It is made from a double, also
+// from NaN, which is what results hold after a failure; for messages it converts to double or has value(). Decisions in
+// the cycle are reduced to two questions, so that a Scalar with several lanes can answer for all of them.
 #pragma once
 
 #include <iim/numerics/sine_cosine.hpp>
@@ -11,6 +12,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 namespace iim {
 
@@ -56,6 +58,17 @@ struct ScalarTraits<float> {
 };
 
 namespace detail {
+
+/// NaN, also of a Scalar for which std::numeric_limits, not specialised, says 0.
+template <class Scalar>
+Scalar not_a_number()
+{
+  if constexpr (std::numeric_limits<Scalar>::has_quiet_NaN) {
+    return std::numeric_limits<Scalar>::quiet_NaN();
+  } else {
+    return Scalar(std::numeric_limits<double>::quiet_NaN());
+  }
+}
 
 template <class Scalar>
 bool is_finite(const Scalar& x)

@@ -17,8 +17,10 @@
 #include <iim/forward_dynamics.hpp>
 #include <iim/implicit_inversion.hpp>
 #include <iim/inputs.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/numerics/lanes.hpp>
 #include <iim/numerics/transpose.hpp>
+#include <iim/scalar.hpp>
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
 
@@ -28,7 +30,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 
 namespace iim {
@@ -132,8 +133,8 @@ public:
       const int count = static_cast<int>(std::min<Index>(lanes, q.cols() - first));
       if (!fit) {
         outcome_.fill(Outcome{Status::mismatch, -1});
-        qdd_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-        Bhat_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+        qdd_.setConstant(detail::not_a_number<Scalar>());
+        Bhat_.setConstant(detail::not_a_number<Scalar>());
         const Index m = std::min(inputs_->columns(), lane_inputs_.max_columns());
         f(PackDynamics{first, count, {qdd_.data(), qdd_.size()}, {Bhat_.data(), qdd_.size(), m}, outcome_});
         continue;
@@ -152,7 +153,7 @@ public:
         one_q_ = q.col(first + l);
         if constexpr (scene.velocity) { one_qd_ = qd.col(first + l); }
         const AffineDynamics<Scalar> one = method_(forward_dynamics<scene>(one_q_, one_qd_, workspace_));
-        outcome_[at(l)] = {one.status, one.subsystem};
+        outcome_[detail::at(l)] = {one.status, one.subsystem};
         for (Index i = 0; i < qdd_.size(); ++i) { qdd_(i).set(l, one.qdd0(i)); }
         for (Index j = 0; j < m; ++j) {
           for (Index i = 0; i < qdd_.size(); ++i) { Bhat_(j * qdd_.size() + i).set(l, one.Bhat(i, j)); }
@@ -175,7 +176,7 @@ public:
       detail::from_lanes(pack.Bhat.data(), n * m, pack.count, states_.data() + Bhat, size);
       for (int l = 0; l < pack.count; ++l) {
         const Scalar* state = states_.data() + l * size;
-        const Outcome& outcome = pack.outcome[at(l)];
+        const Outcome& outcome = pack.outcome[detail::at(l)];
         f(pack.first + l,
           AffineDynamics<Scalar>{
               {state, n}, {state + Bhat, n, m, Eigen::OuterStride<>(n)}, outcome.status, outcome.subsystem});
@@ -183,11 +184,14 @@ public:
     });
   }
 
+  /// A matrix of the caller's, or columns of one.
+  using Results = Eigen::Ref<MatrixX<Scalar>, 0, Eigen::OuterStride<>>;
+
   /// qdd0: n_v × N. Bhat: (n_v·m) × N, a state's B̂ column by column in each. outcomes: N. NaN where a state has no
   /// result. Returns how many have none.
   template <Scene scene = Scene{}, class Q, class V>
-  Index evaluate(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, MatrixX<Scalar>& qdd0,
-                 MatrixX<Scalar>& Bhat, std::span<Outcome> outcomes)
+  [[nodiscard]] Index evaluate(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, Results qdd0,
+                               Results Bhat, std::span<Outcome> outcomes)
   {
     const Index n = tree().n_v(), states = q.cols();
     const bool qdd0_fits = qdd0.rows() == n && qdd0.cols() == states,
@@ -198,14 +202,15 @@ public:
     assert(outcomes_fit && "outcomes must be as many as states");
     Index failed = 0;
     if (!qdd0_fits || !Bhat_fits || !outcomes_fit || !fits<scene>(q, qd)) {
-      qdd0.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      Bhat.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      qdd0.setConstant(detail::not_a_number<Scalar>());
+      Bhat.setConstant(detail::not_a_number<Scalar>());
       return refuse(outcomes, states);
     }
     for_each_pack<scene>(q, qd, [&](const PackDynamics& pack) {
-      detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * n, n);
-      detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.rows(),
-                         Bhat.rows());
+      detail::from_lanes(pack.qdd0.data(), n, pack.count, qdd0.data() + pack.first * qdd0.outerStride(),
+                         qdd0.outerStride());
+      detail::from_lanes(pack.Bhat.data(), Bhat.rows(), pack.count, Bhat.data() + pack.first * Bhat.outerStride(),
+                         Bhat.outerStride());
       failed += note(pack.first, pack.count, outcomes);
     });
     return failed;
@@ -214,8 +219,8 @@ public:
   /// q̈ (n_v × N) of the states under the inputs u (m × N), by the O(n) pass. outcomes: N. NaN where a state has no
   /// result. Returns how many have none.
   template <Scene scene = Scene{}, class Q, class V, class U>
-  Index accelerations(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd, const Eigen::MatrixBase<U>& u,
-                      MatrixX<Scalar>& qdd, std::span<Outcome> outcomes)
+  [[nodiscard]] Index accelerations(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
+                                    const Eigen::MatrixBase<U>& u, Results qdd, std::span<Outcome> outcomes)
   {
     const Index m = inputs_->columns(), n = tree().n_v(), states = q.cols();
     const bool u_fits = u.rows() == m && u.cols() == states, qdd_fits = qdd.rows() == n && qdd.cols() == states,
@@ -224,7 +229,7 @@ public:
     assert(qdd_fits && "qdd must be n_v × N");
     assert(outcomes_fit && "outcomes must be as many as states");
     if (!u_fits || !qdd_fits || !outcomes_fit || !fits<scene>(q, qd)) {
-      qdd.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      qdd.setConstant(detail::not_a_number<Scalar>());
       return refuse(outcomes, states);
     }
     follow_inputs();
@@ -238,7 +243,7 @@ public:
       const Acceleration<Pack> result = forward_dynamics<scene>(q_, qd_, lane_inputs_, u_.head(m), lane_workspace_);
       if (result.status == Status::ok && !LaneVote::divided()) {
         outcome_.fill(Outcome{});
-        detail::from_lanes(result.qdd.data(), n, count, qdd.data() + first * n, n);
+        detail::from_lanes(result.qdd.data(), n, count, qdd.data() + first * qdd.outerStride(), qdd.outerStride());
       } else {
         for (int l = 0; l < count; ++l) {
           one_q_ = q.col(first + l);
@@ -246,11 +251,11 @@ public:
           one_u_.head(m) = u.col(first + l);
           const Acceleration<Scalar> one =
               forward_dynamics<scene>(one_q_, one_qd_, *inputs_, one_u_.head(m), workspace_);
-          outcome_[at(l)] = {one.status, one.subsystem};
+          outcome_[detail::at(l)] = {one.status, one.subsystem};
           if (one.status == Status::ok) {
             qdd.col(first + l) = one.qdd;
           } else {
-            qdd.col(first + l).setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+            qdd.col(first + l).setConstant(detail::not_a_number<Scalar>());
           }
         }
       }
@@ -262,7 +267,6 @@ public:
 private:
   using LaneTree = typename detail::TreeIn<Tree, Pack>::Type;
 
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
   static constexpr Index whole_registers(Index numbers) { return (numbers + lanes - 1) / lanes * lanes; }
 
   /// Of the vectors that its parts and frames are placed by.

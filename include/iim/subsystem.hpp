@@ -114,7 +114,12 @@ struct IsSubsystem {
   static_assert(Subsystem<S>, "this type does not meet the requirements on a Subsystem (iim/subsystem.hpp)");
 };
 template <class... S>
-struct AreSubsystems : IsSubsystem<S>... {};
+struct AreSubsystems {
+  template <class T>
+  static constexpr int count = (int(std::same_as<T, S>) + ...);
+  static_assert((sizeof(IsSubsystem<S>) + ...) > 0);
+  static_assert(((count<S> == 1) && ...), "each type of subsystem is listed once (two names may mean one type)");
+};
 
 /// S with the Scalar T: by its own cast<T>(), not by that of a base, which would leave out what S adds.
 template <class S, class T>
@@ -164,7 +169,10 @@ constexpr bool takes_fixed_bodies()
 template <class S>
 constexpr bool is_fixed()
 {
-  if constexpr (requires { S::is_fixed; }) { return S::is_fixed; }
+  if constexpr (requires { S::is_fixed; }) {
+    static_assert(!S::is_fixed || S::n_i == 0, "is_fixed is for what has no velocities");
+    return S::is_fixed;
+  }
   return false;
 }
 
@@ -221,6 +229,7 @@ constexpr int spring_count()
       "springs must be: std::array<Spring<Scalar, n_i>, N> springs(const Coordinates& q, const Velocities& qd) const");
   if constexpr (requires(const S s, Coordinates<S> q, Velocities<S> qd) { s.springs(q, qd); }) {
     static_assert(!is_free<S>(), "what is_free has no springs(); its internal_force stays explicit");
+    static_assert(has_internal_force<S>(), "springs() are part of internal_force(q, qd), which there must be, too");
     return static_cast<int>(std::tuple_size_v<std::remove_cvref_t<decltype(std::declval<const S&>().springs(
                                 std::declval<const Coordinates<S>&>(), std::declval<const Velocities<S>&>()))>>);
   }
@@ -229,8 +238,9 @@ constexpr int spring_count()
 
 /// `own_twist()`: one frame and one velocity only; twist of the frame per q̇ at the frame's origin in the frame's own
 /// axes, which is the same in every configuration, a unit vector where it only turns or only slides.
-/// Update::square_root forms S of the frame's own body from it: a centre of mass on the axis, or a thin moment about
-/// it, then stays what it is, whatever a turn to world axes rounds.
+/// U and D of the frame's own body are formed from it: a centre of mass on the axis, or a thin moment about it, then
+/// stays what it is, whatever a turn to world axes rounds. Without it, no pivot of the subsystem that is a small
+/// difference is computed anew (pass/weak_pivot.hpp), and joints about parallel axes or one line are not known as such.
 template <class S>
 constexpr bool has_own_twist()
 {
@@ -242,6 +252,13 @@ constexpr bool has_own_twist()
     return true;
   }
   return false;
+}
+
+/// Whether S moves its frame along one unit column, turning it or sliding.
+template <class S>
+constexpr bool has_unit_column()
+{
+  return has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
 }
 
 /// `inlet_twists()`: one frame only, n_i > 1; columns, at most n_i, that span the twists which the frame can have

@@ -7,24 +7,25 @@
 //
 //     J_t(:, i) = X(x) S_k,     J̇_t q̇ = Σ_i X(x) (bias_k + (c_i; 0)) + (ω × (ω × x_tip); 0)           (8), (19)
 //
-// and V̇_t0 is the tip's acceleration in the O(n) pass. Centre of mass and momentum: centroidal.hpp. Accelerations are
-// those of an observer at rest: gravity is contained in V̇_t0 as the fall that it causes.
+// and V̇_t0 is the tip's acceleration in the O(n) pass. Centre of mass and momentum: mass_matrix/centroidal.hpp.
+// Accelerations are those of an observer at rest: gravity is contained in V̇_t0 as the fall that it causes.
 #pragma once
 
 #include <iim/affine_dynamics.hpp>
-#include <iim/centroidal.hpp>
 #include <iim/errors.hpp>
 #include <iim/inputs.hpp>
+#include <iim/mass_matrix/centroidal.hpp>
 #include <iim/numerics/array.hpp>
 #include <iim/receipt.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/tree.hpp>
 #include <iim/workspace.hpp>
 
 #include <array>
 #include <cassert>
+#include <concepts>
 #include <cstddef>
-#include <limits>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -57,7 +58,7 @@ struct Task {
 /// V̇_t = JB·u + Vdot0 = J·q̈ + Jdot_qd at one state, active tasks one below the other in the order of adding. Refers to
 /// memory of the Tasks that made it; good until their next use. If status is not ok, all entries are NaN.
 template <class Scalar>
-struct TaskRows {
+struct [[nodiscard]] TaskRows {
   using Rows = Eigen::Map<const MatrixX<Scalar>, 0, Eigen::OuterStride<>>;
 
   Rows J;                                     ///< J_t, rows × n_v: V_t = J q̇
@@ -152,6 +153,7 @@ public:
 
   /// All of (3). `affine`: from the same receipt, by any method.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd, const AffineDynamics<Scalar>& affine) &
   {
     const bool fits = affine.Bhat.rows() == tree_->n_v() && (tasks_.empty() || affine.Bhat.cols() <= JB_.cols());
@@ -166,6 +168,7 @@ public:
 
   /// The same of a pass and a method in one call.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   TaskRows<Scalar> operator()(const StateDynamics<Workspace>& dynamics) &
   {
     return (*this)(dynamics.fd, dynamics);
@@ -173,6 +176,7 @@ public:
 
   /// Without J_t B̂: JB has no columns.
   template <class Workspace>
+    requires std::same_as<typename Workspace::Tree, Tree>
   TaskRows<Scalar> operator()(const ForwardDynamics<Workspace>& fd) &
   {
     const Status status = fd.status_on(*tree_, scene);
@@ -182,12 +186,9 @@ public:
   }
 
 private:
-  /// Rows that one step of the product treats: as in ImplicitInversion.
-  static constexpr int lanes = std::is_same_v<Scalar, double> || std::is_same_v<Scalar, float> ? 8 : 1;
-  static constexpr int tile = 4;  ///< columns that share one load of J
-  using Lanes = Eigen::Array<Scalar, lanes, 1>;
-
-  static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
+  static constexpr int lanes = std::is_floating_point_v<Scalar> ? 8 : 1;  ///< rows that one step of the product treats
+  static constexpr int tile = 4;                                          ///< columns that share one load of J
+  using Strip = Eigen::Array<Scalar, lanes, 1>;
 
   Task<Scalar> on_frame(TaskKind kind, Index size, const std::string& name, const Vector3<Scalar>& point,
                         Axes axes) const
@@ -227,9 +228,9 @@ private:
     JB_.setZero(padded, inputs_->max_columns());
     Jdot_qd_.setZero(max_rows_);
     Vdot0_.setZero(max_rows_);
-    used_.assign(at(padded / lanes), detail::Array<Index>());
-    for (detail::Array<Index>& used : used_) { used.reserve(at(tree_->n_v())); }
-    marked_.assign(at(tree_->n_v()), 0);
+    used_.assign(detail::at(padded / lanes), detail::Array<Index>());
+    for (detail::Array<Index>& used : used_) { used.reserve(detail::at(tree_->n_v())); }
+    marked_.assign(detail::at(tree_->n_v()), 0);
     arrange();
     return blocks() - 1;
   }
@@ -246,13 +247,13 @@ private:
       for (const Task<Scalar>& task : tasks_) {
         if (!task.active) { continue; }
         if (row < begin + lanes && row + task.size > begin) {
-          for (const Index v : task.velocities) { marked_[at(v)] = 1; }
+          for (const Index v : task.velocities) { marked_[detail::at(v)] = 1; }
         }
         row += task.size;
       }
       for (Index v = 0; v < tree_->n_v(); ++v) {
-        if (marked_[at(v)] != 0) { used_[step].push_back(v); }
-        marked_[at(v)] = 0;
+        if (marked_[detail::at(v)] != 0) { used_[step].push_back(v); }
+        marked_[detail::at(v)] = 0;
       }
     }
   }
@@ -272,7 +273,7 @@ private:
         if (!momentum_known) { centroidal_(fd.workspace()); }
         momentum_known = true;
         write_centroidal(fd.qdd0(), task, row);
-        placements_[id].p = centroidal_.com();
+        placements_[id] = {Matrix3<Scalar>::Identity(), centroidal_.com()};
       }
       row += task.size;
     }
@@ -305,7 +306,7 @@ private:
     for (Index frame = task.frame; frame >= 0;) {
       tree_->visit(tree_->owner(frame), [&]<class N, class S>(const N& node, const S&) {
         const NodeState<S>& state = ws.template node<S>(node);
-        const auto& S_k = state.S_k[at(frame - node.frame)];
+        const auto& S_k = state.S_k[detail::at(frame - node.frame)];
         for (int d = 0; d < S::n_i; ++d) {
           write(shift_twist(x, detail::column(S_k, d)), axes, task.size, J_.data() + (node.v + d) * J_.rows() + row);
         }
@@ -367,13 +368,15 @@ private:
   void multiply_tile(const Scalar* Bhat, Index stride, Index column)
   {
     for (Index row = 0; row < rows_; row += lanes) {
-      std::array<Lanes, count> sum;
-      for (Lanes& s : sum) { s.setZero(); }
-      for (const Index v : used_[at(row / lanes)]) {
-        const Lanes J = Eigen::Map<const Lanes>(J_.data() + v * J_.rows() + row);
-        for (int c = 0; c < count; ++c) { sum[at(c)] += J * Bhat[c * stride + v]; }
+      std::array<Strip, count> sum;
+      for (Strip& s : sum) { s.setZero(); }
+      for (const Index v : used_[detail::at(row / lanes)]) {
+        const Strip J = Eigen::Map<const Strip>(J_.data() + v * J_.rows() + row);
+        for (int c = 0; c < count; ++c) { sum[detail::at(c)] += J * Bhat[c * stride + v]; }
       }
-      for (int c = 0; c < count; ++c) { Eigen::Map<Lanes>(JB_.data() + (column + c) * JB_.rows() + row) = sum[at(c)]; }
+      for (int c = 0; c < count; ++c) {
+        Eigen::Map<Strip>(JB_.data() + (column + c) * JB_.rows() + row) = sum[detail::at(c)];
+      }
     }
   }
 
@@ -388,7 +391,7 @@ private:
   TaskRows<Scalar> result(Index m, Status status, Index subsystem)
   {
     if (status != Status::ok) {
-      const Scalar nan = std::numeric_limits<Scalar>::quiet_NaN();
+      const Scalar nan = detail::not_a_number<Scalar>();
       J_.setConstant(nan);
       JB_.setConstant(nan);
       Jdot_qd_.setConstant(nan);

@@ -322,7 +322,10 @@ template <class Result, detail::IsTree Tree>
   const auto words = [&](Status status, Index subsystem) {
     std::string text = to_string(status);
     if (status == Status::invalid_state) {
-      text += " (not finite, a quaternion that is not of unit length, or a linkage that cannot close)";
+      text += subsystem < 0
+                  ? " (a step's length negative or not finite)"
+                  : " (not finite, a quaternion that is not of unit length, or a linkage that cannot close or "
+                    "is at a dead centre)";
     } else if (status == Status::mismatch) {
       text += " (sizes, or parts that were not made for each other; assertions say which)";
     }

@@ -35,7 +35,7 @@ struct Node {
   Index subtree_end = 0;  ///< first subsystem after its subtree
   Index v_end = 0;        ///< first velocity after its subtree
   int type = 0;           ///< which type of subsystem (dynamic trees)
-  std::size_t slot = 0;   ///< which of that type (dynamic trees)
+  std::size_t slot = 0;   ///< which of that type
 };
 
 /// A frame by name: which frame of the tree, and where on it.
@@ -52,9 +52,15 @@ struct FramePoint {
   Vector3<Scalar> at = Vector3<Scalar>::Zero();
 
   FramePoint() = default;
+  /// Throws ModelError unless it has three numbers.
   template <class Vector>
-  FramePoint(const Eigen::MatrixBase<Vector>& point) : at(point)
+  FramePoint(const Eigen::MatrixBase<Vector>& point)
   {
+    EIGEN_STATIC_ASSERT_VECTOR_ONLY(Vector)
+    if (point.size() != 3) {
+      detail::refuse({"a point of a frame must have 3 coordinates, got ", std::to_string(point.size())});
+    }
+    at = point;
   }
   FramePoint(const Scalar& x, const Scalar& y, const Scalar& z) : at(x, y, z) {}
 };
@@ -97,6 +103,8 @@ public:
     assert(i >= 0 && i < size() && "no such subsystem");
     return nodes_[static_cast<std::size_t>(i)];
   }
+  /// That of the subsystem of that name. Throws ModelError if there is none.
+  const Node& node(const std::string& name) const { return node(index(name)); }
   /// Subsystems by depth, the deepest first; those of one depth last to first.
   const Array<Index>& deepest_first() const { return deepest_first_; }
   /// How many velocities and motors subsystem i has.
@@ -175,9 +183,7 @@ protected:
       visit_part(part.part, [&]<class S>(const S& s) {
         static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
         append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
-        if constexpr (has_own_twist<S>() && S::pattern.linear != S::pattern.angular) {
-          check_unit(part.name, "own_twist", s.own_twist());
-        }
+        if constexpr (has_unit_column<S>()) { check_unit(part.name, "own_twist", s.own_twist()); }
         if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
           Index carrier = part.parent;
           while (carrier >= 0 && node(carrier).v_end == node(carrier).v) {  // stands still on the next

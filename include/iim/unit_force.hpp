@@ -12,6 +12,7 @@
 #include <iim/inversion/sweep.hpp>
 #include <iim/workspace.hpp>
 
+#include <concepts>
 #include <type_traits>
 
 namespace iim {
@@ -43,6 +44,7 @@ public:
 
   /// The m passes that are left when q̈_[0] is known; fd is the receipt of the same state.
   template <class W, class Q, class V>
+    requires std::same_as<typename W::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd, const Eigen::MatrixBase<Q>& q,
                                     const Eigen::MatrixBase<V>& qd) &
   {
@@ -94,6 +96,7 @@ public:
 
   /// For the inputs that are active now. No allocation, no exception.
   template <class W>
+    requires std::same_as<typename W::Tree, Tree>
   AffineDynamics<Scalar> operator()(const ForwardDynamics<W>& fd) &
   {
     const Index m = inputs_->columns();

@@ -214,8 +214,6 @@ private:
     return bundle.end == bundle.v || bundle.size() == position(bundle.end - 1) + 1;
   }
 
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   /// Registers by path position to one per velocity, the last first, since none stands before its path position.
   /// `first`: of what is in the lanes, numbered along the tree so that a subsystem's begin at begin_of.
   void add_parts(Bundle& bundle, Index first, const Array<Index>& begin_of)

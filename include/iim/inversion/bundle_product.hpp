@@ -29,7 +29,7 @@ class BundleProduct {
   static constexpr int side = register_lanes<Scalar>;  ///< of a register
   /// Columns of B̂ that share one load of L. Eight instead of four: 18 % less for a chain of 100, 6 % for the biped.
   static constexpr int tile = side == lanes ? 8 : 4;
-  using Register = Lanes<Scalar>;
+  using Register = Strip<Scalar>;
   using Plan = BundlePlan<lanes, side>;
   using Bundle = typename Plan::Bundle;
   using RowBundle = typename Plan::RowBundle;
@@ -208,8 +208,6 @@ private:
       return total<first, count / 2>(x) + total<first + count / 2, count / 2>(x);
     }
   }
-
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   Plan plan_;
   VectorX<Scalar> L_;     // registers of the bundles of rows

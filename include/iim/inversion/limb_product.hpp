@@ -208,8 +208,6 @@ private:
     }
   }
 
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   struct Subtree {  ///< of a limb
     Limb limb;
     Index begin, end;  ///< subsystems

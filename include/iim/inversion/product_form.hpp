@@ -38,9 +38,9 @@ namespace iim::detail {
 template <class Scalar>
 class ProductSteps : ProductPlan<Scalar> {
   using Plan = ProductPlan<Scalar>;
-  using Plan::at, Plan::components, Plan::lanes, Plan::row;
   using Plan::columns_, Plan::depth_, Plan::first_beta_, Plan::H_of_frame_, Plan::inputs_, Plan::projections_,
       Plan::rows_, Plan::scaled_, Plan::steps_, Plan::tree_;
+  using Plan::components, Plan::lanes, Plan::row;
   using typename Plan::Projection, typename Plan::Scaled, typename Plan::Step;
   using Product = std::conditional_t<(lane_count<Scalar> > 1), BundleProduct<Scalar>, LimbProduct<Scalar>>;
 
@@ -53,7 +53,7 @@ protected:
     this->plan(product_);
   }
 
-  using Lanes = detail::Lanes<Scalar>;
+  using Strip = detail::Strip<Scalar>;
 
   static constexpr int rate = 6;  ///< in square-root form H without S·rate, and rate; see SharedAxis, FreeLimb
 
@@ -162,8 +162,8 @@ protected:
     std::array<Scalar*, S::n_frames> frames{H_.data() + step.frame};
     for (int k = 1; k < S::n_frames; ++k) { frames[at(k)] = H(node.frame + k); }
     const auto columns = [&]<bool ancestors, bool others>(Index a) __attribute__((always_inline)) {
-      std::array<Lanes, n_i> l;
-      l.fill(Lanes::Zero());
+      std::array<Strip, n_i> l;
+      l.fill(Strip::Zero());
       if (others && n_i == 1 && a >= own_from) {
         place(state.MbarR_inv_root(0, 0), node.path_v - a, l[0]);
       } else if (others && a >= own_from) {  // 2 % of several states
@@ -173,22 +173,22 @@ protected:
           });
         }
       }
-      std::array<Lanes, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
+      std::array<Strip, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
       constexpr bool may_share = shares_motion<S, Workspace>;
-      [[maybe_unused]] Lanes undone[may_share && n_i > 1 ? n_i : 1];  // of q̈, against the inlet's rate along S
+      [[maybe_unused]] Strip undone[may_share && n_i > 1 ? n_i : 1];  // of q̈, against the inlet's rate along S
       if constexpr (may_share) {
-        for (Lanes& of_velocity : undone) { of_velocity = Lanes::Zero(); }
+        for (Strip& of_velocity : undone) { of_velocity = Strip::Zero(); }
       }
-      [[maybe_unused]] Lanes slip = Lanes::Zero();
-      std::array<Lanes, 6> y;
-      y.fill(Lanes::Zero());
+      [[maybe_unused]] Strip slip = Strip::Zero();
+      std::array<Strip, 6> y;
+      y.fill(Strip::Zero());
       if (ancestors && a < needed) {
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(inlet + components * a + c * lanes); }
         move_twist(state.r, y);
         if constexpr (Workspace::update == Update::square_root) {
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
-            const Lanes inlet_rate = add_rate(inlet + components * a, shared.difference, y);
+            const Strip inlet_rate = add_rate(inlet + components * a, shared.difference, y);
             if constexpr (may_share) {
               for (int d = 0; d < n_i; ++d) { undone[d] = shared.undone(d) * inlet_rate; }
             }
@@ -198,7 +198,7 @@ protected:
         for_each_velocity<n_i, Scalar>([&](int d) __attribute__((always_inline)) {
           for (int c = 5; c >= 0; --c) { l[at(d)] -= state.W(d, c) * y[at(c)]; }
         });
-        if constexpr (is_free<S>()) { y.fill(Lanes::Zero()); }
+        if constexpr (is_free<S>()) { y.fill(Strip::Zero()); }
       }
       if constexpr (!is_free<S>()) { moves = l; }
       if constexpr (apart) { store(frames[0] + components * a + rate * lanes, l[0] + slip); }
@@ -208,8 +208,8 @@ protected:
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
       if (!step.hands_on) { return; }
       if constexpr (free_root) {
-        std::array<Lanes, components> h;
-        h.fill(Lanes::Zero());
+        std::array<Strip, components> h;
+        h.fill(Strip::Zero());
         for (Index e = std::max<Index>(0, a - node.path_v); e < std::min(own, a + lanes - node.path_v); ++e) {
           const auto& G = ws.root(node.frame).G;  // E b, and the rate
           for (int c = 0; c < components; ++c) { place(G[at(c)](e), node.path_v + e - a, h[at(c)]); }
@@ -219,7 +219,7 @@ protected:
       }
       for (int k = 0; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) {
-          Lanes h = y[at(c)];
+          Strip h = y[at(c)];
           if (!apart && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
             for_each_velocity<n_i, Scalar>(
                 [&](int d) __attribute__((always_inline)) { h += state.S_k[at(k)](c, d) * moves[at(d)]; });
@@ -264,15 +264,15 @@ protected:
   static Scalar* component(Scalar* H, Index a) { return H + a / lanes * lanes * components + a % lanes; }
 
   /// What H of a frame leaves out in square-root form, V += S·rate. Returns the rate.
-  [[gnu::always_inline]] static Lanes add_rate(const Scalar* h, const Vector6<Scalar>& S, std::array<Lanes, 6>& V)
+  [[gnu::always_inline]] static Strip add_rate(const Scalar* h, const Vector6<Scalar>& S, std::array<Strip, 6>& V)
   {
-    const Lanes q_dot = load(h + rate * lanes);
+    const Strip q_dot = load(h + rate * lanes);
     for (int c = 0; c < 6; ++c) { V[at(c)] += S(c) * q_dot; }
     return q_dot;
   }
 
   /// x into a lane that is zero.
-  [[gnu::always_inline]] static void place(const Scalar& x, Index lane, Lanes& to)
+  [[gnu::always_inline]] static void place(const Scalar& x, Index lane, Strip& to)
   {
     if constexpr (lanes == 1) {
       to = load(&x);
@@ -293,7 +293,7 @@ protected:
     for (Index j = 0; j < input.size; ++j, beta += depth_) {
       const Scalar* Bbar = ws.Bbar().data() + input.bbar + j * S::n_i;
       for (Index a = 0; a < depth; a += lanes) {
-        Lanes sum = Lanes::Zero();
+        Strip sum = Strip::Zero();
         for (int d = 0; d < S::n_i; ++d) { sum += load(row(input.v + d) + a) * Bbar[d]; }
         store(beta + a, sum);
       }
@@ -312,7 +312,7 @@ protected:
     if (turned) { detail::multiply(f.R, input.R, axes); }
     const Scalar* h = H(input.frame);
     for (Index a = 0; a < depth; a += lanes) {
-      std::array<Lanes, 6> V;
+      std::array<Strip, 6> V;
       for (int c = 0; c < 6; ++c) { V[at(c)] = load(h + components * a + c * lanes); }
       if constexpr (Workspace::update == Update::square_root) {
         const RootInertia<Scalar>& N = ws.root(input.frame);
@@ -322,7 +322,7 @@ protected:
       // Three rows by three, so that V stays in registers (2 % of several states).
       const auto put = [&]<int first>(std::integral_constant<int, first>) __attribute__((always_inline)) {
         unrolled<3>([&](auto c) __attribute__((always_inline)) {
-          Lanes v = V[first + c];
+          Strip v = V[first + c];
           if (turned) {
             const Scalar* axis = axes.data() + 3 * c;
             v = V[first] * axis[0] + V[first + 1] * axis[1] + V[first + 2] * axis[2];

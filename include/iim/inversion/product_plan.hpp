@@ -149,7 +149,6 @@ protected:
   }
 
   Scalar* row(Index k) { return rows_.data() + k * depth_; }
-  static constexpr std::size_t at(Index k) { return static_cast<std::size_t>(k); }
 
   const TreeData<Scalar>* tree_;
   SortedInputs<Scalar> inputs_;

@@ -31,7 +31,7 @@ class SweepSteps : protected SweepColumns<Scalar, width> {
 protected:
   using Columns = SweepColumns<Scalar, width>;
   using Columns::acted, Columns::at_rest, Columns::by_child, Columns::by_input, Columns::carried;
-  using Columns::add, Columns::applied, Columns::at, Columns::clear, Columns::copy, Columns::zero;
+  using Columns::add, Columns::applied, Columns::clear, Columns::copy, Columns::zero;
   using Columns::along_, Columns::buffers_, Columns::loads_, Columns::moving_, Columns::reach_, Columns::rows_,
       Columns::shared_, Columns::shares_;
   using Columns::Columns;

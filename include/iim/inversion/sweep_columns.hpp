@@ -266,8 +266,6 @@ protected:
     }
   }
 
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   struct Own {
     int velocities;
     bool free;

@@ -42,7 +42,9 @@ inline double body_energy(const FrameMass<double>& body, const Eigen::Matrix3d& 
   return (body.mass * v_c.squaredNorm() + turning.dot(body.central_inertia * turning)) / 2;
 }
 
-/// Placements, velocities and energy of all frames, from motion(), bodies() and rotors() alone.
+/// Placements, velocities and energy of all frames: orientations and Jacobians as the library's first loop leaves them
+/// (checks.hpp compares these with differences), velocities and energies from them and the bodies by formulas of its
+/// own.
 template <class Tree>
 Observation observe(const Tree& tree, const Eigen::VectorXd& q, const Eigen::VectorXd& qd)
 {

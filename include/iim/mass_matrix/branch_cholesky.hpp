@@ -107,7 +107,6 @@ private:
   using Columns = Eigen::Array<Scalar, width, 1>;
 
   Scalar* row(Index v) const { return L_ + v * stride_; }
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   /// Row at path position a of a limb: what the rows behind it up to `end` subtract, then its own pivot.
   bool finish_row(const Limb& own, Index a, Index end)
@@ -124,9 +123,9 @@ private:
     const Scalar inverse = Scalar(1) / root;
     inverse_(own.v + (a - own.begin)) = inverse;
     for (Index c = 0; c < a; c += lanes) {
-      Lanes<Scalar> sum = load(target + c);
+      Strip<Scalar> sum = load(target + c);
       for (Index t = 0; t < count; ++t) { sum -= load(below + t * stride_ + c) * below[t * stride_ + a]; }
-      const Lanes<Scalar> scaled = sum * inverse;
+      const Strip<Scalar> scaled = sum * inverse;
       store(target + c, scaled);
     }
     target[a] = root;
@@ -141,11 +140,11 @@ private:
     const Index rows = end - begin;
     Scalar* target = row(v);
     for (Index c = 0; c < a + count; c += lanes) {
-      std::array<Lanes<Scalar>, count> sum;
+      std::array<Strip<Scalar>, count> sum;
       for (int i = 0; i < count; ++i) { sum[at(i)] = load(target + i * stride_ + c); }
       const Scalar* l = below;
       for (Index t = 0; t < rows; ++t, l += stride_) {
-        const Lanes<Scalar> other = load(l + c);
+        const Strip<Scalar> other = load(l + c);
         for (int i = 0; i < count; ++i) { sum[at(i)] -= other * l[a + i]; }
       }
       for (int i = 0; i < count; ++i) { store(target + i * stride_ + c, sum[at(i)]); }

@@ -46,7 +46,7 @@ public:
     if (node.path_v > 0) {
       const Scalar* from = rows(node.inlet);
       for (Index a = 0; a < node.path_v; a += lanes) {
-        std::array<Lanes<Scalar>, 6> y;
+        std::array<Strip<Scalar>, 6> y;
         for (int c = 0; c < 6; ++c) { y[at(c)] = load(from + c * depth_ + a); }
         move_twist(state.r, y);
         visit(a, y);
@@ -66,8 +66,6 @@ public:
 
 private:
   using Buffer = Eigen::Matrix<Scalar, Eigen::Dynamic, 6>;
-
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   Index depth_;
   FrameBuffers of_frame_;
@@ -170,15 +168,13 @@ private:
     const Scalar* J = jacobian_.rows(input.frame);
     const Index depth = entries_.rows();
     for (Index a = 0; a < end; a += lanes) {
-      std::array<Lanes<Scalar>, 6> V;
+      std::array<Strip<Scalar>, 6> V;
       for (int c = 0; c < 6; ++c) { V[at(c)] = load(J + c * depth + a); }
-      V[0] += V[4] * x(2) - V[5] * x(1);
-      V[1] += V[5] * x(0) - V[3] * x(2);
-      V[2] += V[3] * x(1) - V[4] * x(0);
+      move_twist(x, V);
       for (int c = 0; c < static_cast<int>(input.size); ++c) {
         if (turned) {
           const int first = c < 3 ? 0 : 3;
-          const Lanes<Scalar> along = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
+          const Strip<Scalar> along = V[at(first)] * axes(0, c - first) + V[at(first + 1)] * axes(1, c - first) +
                                       V[at(first + 2)] * axes(2, c - first);
           store(entries + c * depth + a, along);
         } else {
@@ -187,8 +183,6 @@ private:
       }
     }
   }
-
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   const Tree* tree_;
   PathJacobian<Tree> jacobian_;

@@ -10,6 +10,9 @@
 
 namespace iim::detail {
 
+/// A number of the tree's, or a column, as a subscript.
+constexpr std::size_t at(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
+
 /// Memory for `count` elements. Throws std::bad_alloc.
 [[gnu::cold]] inline void* element_memory(std::size_t count, std::size_t size, std::size_t alignment)
 {

@@ -1,4 +1,4 @@
-// A long row of numbers, a few of them at a time: how many, and how they are loaded and stored.
+// A long row of numbers, a strip of it at a time: of how many, and how it is loaded and stored.
 #pragma once
 
 #include <iim/numerics/row.hpp>
@@ -7,14 +7,14 @@
 
 namespace iim::detail {
 
-/// How many numbers one step of a loop treats: those of two registers, eight at most. (With four SSE2 registers and the
+/// How many numbers a strip has: those of two registers, eight at most. (With four SSE2 registers and the
 /// sweep of that time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
 template <class Scalar>
 inline constexpr int lane_count = register_lanes<Scalar> > 1 ? std::min(2 * register_lanes<Scalar>, 8) : 1;
 
-/// What holds them.
+/// What one step of a loop treats.
 template <class Scalar>
-using Lanes = Row<Scalar, lane_count<Scalar>>;
+using Strip = Row<Scalar, lane_count<Scalar>>;
 
 template <class Scalar>
 Eigen::Index padded(Eigen::Index size)
@@ -23,20 +23,20 @@ Eigen::Index padded(Eigen::Index size)
 }
 
 template <class Scalar>
-[[gnu::always_inline]] inline Lanes<Scalar> load(const Scalar* from)
+[[gnu::always_inline]] inline Strip<Scalar> load(const Scalar* from)
 {
-  return Lanes<Scalar>::load(from);
+  return Strip<Scalar>::load(from);
 }
 
 template <class Scalar>
-[[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x)
+[[gnu::always_inline]] inline void store(Scalar* to, const Strip<Scalar>& x)
 {
   x.store(to);
 }
 
 /// The first `count` lanes only, in runs of halving length.
 template <int run, class Scalar>
-[[gnu::always_inline]] inline void store_run(Scalar* to, const Lanes<Scalar>& x, Eigen::Index count, int done)
+[[gnu::always_inline]] inline void store_run(Scalar* to, const Strip<Scalar>& x, Eigen::Index count, int done)
 {
   if constexpr (run > 0) {
     if ((count & run) != 0) {
@@ -47,7 +47,7 @@ template <int run, class Scalar>
   }
 }
 template <class Scalar>
-[[gnu::always_inline]] inline void store(Scalar* to, const Lanes<Scalar>& x, Eigen::Index count)
+[[gnu::always_inline]] inline void store(Scalar* to, const Strip<Scalar>& x, Eigen::Index count)
 {
   if (count >= lane_count<Scalar>) {
     store(to, x);

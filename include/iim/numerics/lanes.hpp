@@ -9,7 +9,8 @@
 //                             does, and computes the states of such a pack one by one).
 //     a != b                  !(a == b), divided in the same cases.
 //     ScalarTraits            is_positive, is_finite: true if in every lane; no mark, because their false is an error
-//                             status that makes SeveralStates look at each state by itself.
+//                             status that makes SeveralStates look at each state by itself, or leads to what is right
+//                             for every state and only slower (pass/weak_pivot.hpp).
 //
 // A comparison that all lanes answer alike costs no accuracy and no mark, so a subsystem with branches of its own is
 // right in every lane, fast where its branches agree, slow where they do not, and never silently wrong.

@@ -34,13 +34,6 @@ inline constexpr bool mends = Data::update == Update::projected;
 template <class Data>
 inline constexpr bool mends_several = mends<Data> && !is_several<typename Data::Scalar>;
 
-/// Whether S moves its frame along one unit column, turning it or sliding.
-template <class S>
-constexpr bool has_unit_column()
-{
-  return has_own_twist<S>() && S::pattern.linear != S::pattern.angular;
-}
-
 /// How many subsystems outward on a path (of unit_of: in the order of their numbers) count body by body at most.
 inline constexpr Index most_one_by_one = 128;
 

@@ -18,13 +18,13 @@
 #include <iim/pass/inward.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/receipt.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
 
 #include <cassert>
 #include <cstddef>
-#include <limits>
 #include <type_traits>
 
 namespace iim {
@@ -187,7 +187,7 @@ protected:
         return;
       }
     }
-    ws_.qdd().setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+    ws_.qdd().setConstant(not_a_number<Scalar>());
   }
 
   Data& ws_;
@@ -276,7 +276,7 @@ private:
     if constexpr (refines_root<Data>) {
       if constexpr (scene.implicit) { return true; }  // springs are in the rows, not in load()
       if (ws_.second_look().has_heavy()) [[unlikely]] {
-        ws_.second_look().refine_root(scene.velocity, scene.gravity, scene.implicit, ws_);
+        ws_.second_look().refine_root(scene.velocity, scene.gravity, ws_);
       }
     } else if constexpr (refines<Data>) {
       if (ws_.second_look().is_needed_for_acceleration()) [[unlikely]] {
@@ -320,6 +320,7 @@ public:
   template <class InputScalar, class U>
   bool takes(const InputBlocks<InputScalar>& inputs, const U& u)
   {
+    static_assert(std::is_same_v<typename U::Scalar, Scalar>, "u must have the Scalar of the tree: u.cast<Scalar>()");
     const bool is_same = inputs.tree().id() == ws_.tree().id(), u_fits = u.size() == inputs.columns();
     assert(is_same && "the inputs are those of another tree than the workspace's");
     assert(u_fits && "u must have one entry per active column");

@@ -94,7 +94,6 @@ private:
     return {tree.frame_mass(f).mass, sum_of_moments(tree.frame_mass(f).central_inertia)};
   }
 
-  static std::size_t at(Index k) { return static_cast<std::size_t>(k); }
   static bool is_positive(const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); }
   static bool outweighs(const Size& a, const Size& b, int times)
   {

@@ -43,7 +43,7 @@ public:
   template <class S>
   void set(Index i, const S& s)
   {
-    if constexpr (has_own_twist<S>() && S::pattern.linear != S::pattern.angular) {
+    if constexpr (has_unit_column<S>()) {
       lines_[at(i)] = {S::pattern.angular ? angular(s.own_twist()) : linear(s.own_twist()), S::pattern.angular};
     }
   }
@@ -77,8 +77,6 @@ public:
   }
 
 private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   /// In the axes of the frame that it hangs on.
   Line placed(Index i, const TreeData<Scalar>& tree) const
   {

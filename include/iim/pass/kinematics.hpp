@@ -4,6 +4,7 @@
 
 #include <iim/errors.hpp>
 #include <iim/pass/articulated_inertia.hpp>
+#include <iim/scene.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/workspace.hpp>
@@ -13,18 +14,7 @@
 #include <cstddef>
 #include <utility>
 
-namespace iim {
-
-/// What a scene has; a term that is off costs nothing.
-struct Scene {
-  bool velocity = true;   ///< false: q̇ = 0, and the argument is not read
-  bool gravity = true;    ///< false: free fall
-  bool implicit = false;  ///< true: springs and dampers at the end of a step, `implicit_step`
-
-  bool operator==(const Scene&) const = default;
-};
-
-namespace detail {
+namespace iim::detail {
 
 /// What went wrong first.
 struct Diagnosis {
@@ -137,28 +127,7 @@ struct KinematicStep {
   template <class S>
   void operator()(const Node& node, const S& s, NodeState<S>& state) const
   {
-    constexpr MotionPattern pattern = S::pattern;
-    const Placement<Scalar>& at = ws.tree().placement(node.index);
-    Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
-    if (node.inlet < 0) {
-      state.r = at.p;
-    } else {
-      const FrameState<Scalar>& inlet = ws.frame(node.inlet);
-      if (ws.keeps_inlet_axes(node.index)) {
-        if (ws.tree().placement_turns(node.index)) {
-          multiply(inlet.R, at.R, state.R);
-        } else {
-#pragma GCC unroll 8
-          for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
-        }
-      }
-      const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
-      r.put(state.r.data());
-      if constexpr (scene.velocity) {
-        omega = Triple<Scalar>(inlet.omega.data());
-        if constexpr (!is_free<S>() && !follows_frame<S>()) { cross(omega, cross(omega, r)).put(state.c.data()); }
-      }
-    }
+    const Triple<Scalar> omega = begin_at_inlet(node, state);
     Coordinates<S> q_i;
     Velocities<S> qd_i;
 #pragma GCC unroll 8
@@ -174,7 +143,7 @@ struct KinematicStep {
     if (!all_finite(q_i) || !all_finite(qd_i)) { diagnosis.fail(Status::invalid_state, node.index); }
 
     auto frames = frame_motions<S>(node.frame, state, ws, std::make_index_sequence<S::n_frames>{});
-    if constexpr (scene.velocity && pattern.bias) {  // what the pass before left there is not for `motion` to remove
+    if constexpr (scene.velocity && S::pattern.bias) {  // what the pass before left there is not for `motion` to remove
       for (int k = 0; k < S::n_frames; ++k) { ws.frame(node.frame + k).bias.setZero(); }
     }
     const Matrix3<Scalar>& R = ws.inlet_axes(node, state);
@@ -188,6 +157,57 @@ struct KinematicStep {
     if (ws.tree().straightens(node.index)) {
       for (int k = 0; k < S::n_frames; ++k) { straighten(ws.frame(node.frame + k).R); }
     }
+    if constexpr (is_free<S>() || follows_frame<S>()) { go_to_frame(node, R, q_i, omega, state); }
+    if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
+
+#pragma GCC unroll 2
+    for (int k = 0; k < S::n_frames; ++k) {
+      FrameState<Scalar>& f = ws.frame(node.frame + k);
+      if constexpr (scene.velocity) { set_velocity<S>(state.S_k[static_cast<std::size_t>(k)], omega, qd_i, f); }
+      if constexpr (Data::update == Update::square_root) {
+        put_roots<S>(node.frame + k, state, f);
+      } else {
+        f.arrived = false;
+        f.loses = false;
+      }
+    }
+    put_forces(node, s, q_i, qd_i, state);
+  }
+
+private:
+  /// r, and where the inlet's axes are kept R; c; returns the inlet's ω.
+  template <class S>
+  [[gnu::always_inline]] Triple<Scalar> begin_at_inlet(const Node& node, NodeState<S>& state) const
+  {
+    const Placement<Scalar>& at = ws.tree().placement(node.index);
+    Triple<Scalar> omega(Scalar(0), Scalar(0), Scalar(0));
+    if (node.inlet < 0) {
+      state.r = at.p;
+      return omega;
+    }
+    const FrameState<Scalar>& inlet = ws.frame(node.inlet);
+    if (ws.keeps_inlet_axes(node.index)) {
+      if (ws.tree().placement_turns(node.index)) {
+        multiply(inlet.R, at.R, state.R);
+      } else {
+#pragma GCC unroll 8
+        for (int j = 0; j < 3; ++j) { column(inlet.R, j).put(state.R.data() + 3 * j); }
+      }
+    }
+    const Triple<Scalar> r = Triple<Scalar>(inlet.r.data()) + combined(inlet.R, at.p);
+    r.put(state.r.data());
+    if constexpr (scene.velocity) {
+      omega = Triple<Scalar>(inlet.omega.data());
+      if constexpr (!is_free<S>() && !follows_frame<S>()) { cross(omega, cross(omega, r)).put(state.c.data()); }
+    }
+    return omega;
+  }
+
+  /// The coupling point to where the frame is; of a free frame, W.
+  template <class S>
+  [[gnu::always_inline]] void go_to_frame(const Node& node, const Matrix3<Scalar>& R, const Coordinates<S>& q_i,
+                                          const Triple<Scalar>& omega, NodeState<S>& state) const
+  {
     if constexpr (is_free<S>()) {
       add(state.r, times(R, Vector3<Scalar>(q_i(0), q_i(1), q_i(2))));
       for (int i = 0; i < 3; ++i) { state.r(i) -= ws.frame(node.frame).r(i); }
@@ -200,55 +220,59 @@ struct KinematicStep {
           state.W(d, i + 3) = S_0(i, d + 3);
         }
       }
-    }
-    if constexpr (follows_frame<S>()) {
+    } else {
       add(state.r, ws.frame(node.frame).r);
       ws.frame(node.frame).r.setZero();
     }
-    if constexpr (rotor_count<S>() > 0) { state.qd = qd_i; }
-
-    if constexpr (scene.velocity && (is_free<S>() || follows_frame<S>())) {
+    if constexpr (scene.velocity) {
       if (node.inlet >= 0) { cross(omega, cross(omega, triple(state.r))).put(state.c.data()); }
     }
-#pragma GCC unroll 2
-    for (int k = 0; k < S::n_frames; ++k) {
-      FrameState<Scalar>& f = ws.frame(node.frame + k);
-      if constexpr (scene.velocity) {
-        // Twist of the frame relative to the inlet, and the accelerations that come with the inlet turning.
-        const auto& S_k = state.S_k[static_cast<std::size_t>(k)];
-        Triple<Scalar> spin = omega;
-        if constexpr (pattern.linear) {
-          const Triple<Scalar> coriolis = cross(omega, relative<0>(S_k, qd_i)) * Scalar(2);
-          add_bias<pattern.bias>(coriolis, f.bias.data());
-        }
-        if constexpr (pattern.angular) {
-          const Triple<Scalar> w = relative<3>(S_k, qd_i);
-          add_bias<pattern.bias>(cross(omega, w), f.bias.data() + 3);
-          spin += w;
-        }
-        spin.put(f.omega.data());
-      }
-      if constexpr (Data::update == Update::square_root) {
-        RootInertia<Scalar>& N_k = ws.root(node.frame + k);
-        if constexpr (along<S>() != Along::nothing) {
-          TriplePair<Scalar>(state.S_k[0].data())
-              .put(N_k.S.data());  // as it was written: other loads wait for these stores
-          N_k.h.setZero();
-          N_k.h_along = Scalar(0);
-        }
-        const Vector3<Scalar> at_point(Scalar(0), Scalar(0), Scalar(0));
-        place_roots<scene.velocity, along<S>()>(ws.frame_body(node.frame + k), f.R, is_free<S>() ? at_point : f.r,
-                                                f.omega, N_k);
-        f.inertia().h.setZero();
-        if constexpr (scene.velocity) {
-          const BodyRoot<Scalar>& body = ws.frame_body(node.frame + k);
-          if (body.has_beside) [[unlikely]] { f.inertia().h.template tail<3>() = moment_beside(body, f.R, f.omega); }
-        }
-      } else {
-        f.arrived = false;
-        f.loses = false;
-      }
+  }
+
+  /// ω of a frame, and the accelerations that come with the inlet turning. omega: the inlet's.
+  template <class S>
+  [[gnu::always_inline]] void set_velocity(const Eigen::Matrix<Scalar, 6, S::n_i>& S_k, const Triple<Scalar>& omega,
+                                           const Velocities<S>& qd_i, FrameState<Scalar>& f) const
+  {
+    constexpr MotionPattern pattern = S::pattern;
+    Triple<Scalar> spin = omega;
+    if constexpr (pattern.linear) {
+      const Triple<Scalar> coriolis = cross(omega, relative<0>(S_k, qd_i)) * Scalar(2);
+      add_bias<pattern.bias>(coriolis, f.bias.data());
     }
+    if constexpr (pattern.angular) {
+      const Triple<Scalar> w = relative<3>(S_k, qd_i);
+      add_bias<pattern.bias>(cross(omega, w), f.bias.data() + 3);
+      spin += w;
+    }
+    spin.put(f.omega.data());
+  }
+
+  /// In square-root form the rows of the frame's bodies, and the wrench beside them.
+  template <class S>
+  [[gnu::always_inline]] void put_roots(Index frame, const NodeState<S>& state, FrameState<Scalar>& f) const
+  {
+    RootInertia<Scalar>& N_k = ws.root(frame);
+    if constexpr (along<S>() != Along::nothing) {
+      TriplePair<Scalar>(state.S_k[0].data())
+          .put(N_k.S.data());  // as it was written: other loads wait for these stores
+      N_k.h.setZero();
+      N_k.h_along = Scalar(0);
+    }
+    const Vector3<Scalar> at_point(Scalar(0), Scalar(0), Scalar(0));
+    const BodyRoot<Scalar>& body = ws.frame_body(frame);
+    place_roots<scene.velocity, along<S>()>(body, f.R, is_free<S>() ? at_point : f.r, f.omega, N_k);
+    f.inertia().h.setZero();
+    if constexpr (scene.velocity) {
+      if (body.has_beside) [[unlikely]] { f.inertia().h.template tail<3>() = moment_beside(body, f.R, f.omega); }
+    }
+  }
+
+  /// B̄, and what springs and dampers do.
+  template <class S>
+  [[gnu::always_inline]] void put_forces(const Node& node, const S& s, const Coordinates<S>& q_i,
+                                         const Velocities<S>& qd_i, [[maybe_unused]] NodeState<S>& state) const
+  {
     if constexpr (S::n_u > 0) {
       const Eigen::Matrix<Scalar, S::n_i, S::n_u> Bbar = s.Bbar(q_i);
       for (int k = 0; k < S::n_i * S::n_u; ++k) { ws.Bbar()(node.bbar + k) = Bbar.data()[k]; }
@@ -273,5 +297,4 @@ void kinematics(const Q& q, const V& qd, Workspace& ws, Diagnosis& diagnosis,
   ws.tree().outward([&]<class S>(const Node& node, const S& s) { kinematic_step(node, s, ws.template node<S>(node)); });
 }
 
-}  // namespace detail
-}  // namespace iim
+}  // namespace iim::detail

@@ -391,8 +391,6 @@ private:
     return moved.wrench(body);
   }
 
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   Array<Scalar> load_, x_, change_, unseen_;    // of velocities
   Array<Pair> accelerations_, forces_, moves_;  // of frames
   Array<Scalar> along_;                         // of free ones: Sᵀ of what is on them

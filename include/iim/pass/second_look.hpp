@@ -184,7 +184,7 @@ public:
   /// times: 9, 10⁶. Thin rods that turn about themselves lose by it: of 600 such arms under 10³ times their mass q̈₀ of
   /// 1 % has 300 ε instead of 140, with loads of 10 times 265 instead of 39 if δq̈ of 16 ε counted there, too.)
   template <class Data>
-  [[gnu::cold, gnu::noinline]] void refine_root(bool velocity, bool gravity, bool springs, Data& ws)
+  [[gnu::cold, gnu::noinline]] void refine_root(bool velocity, bool gravity, Data& ws)
   {
     take(ws);
     Scalar all, first, second;                                   // the largest of them
@@ -198,12 +198,12 @@ public:
     };
     const auto x = [&](Index v) { return residual_.x(v); };
     const auto change = [&](Index v) { return residual_.change(v); };
-    residual_.template compute<false>(velocity, gravity, springs, ws, wrenches());
+    residual_.template compute<false>(velocity, gravity, false, ws, wrenches());
     if (!are_finite(x, all) || !are_finite(change, first)) { return; }
     const Scalar small = all * (Scalar(heavy_ < 128 ? 1024 : 16) * Eigen::NumTraits<Scalar>::epsilon());
     if (is_below_or_zero(first, small)) { return; }
     residual_.add_change();
-    residual_.template compute<false>(velocity, gravity, springs, ws, wrenches());
+    residual_.template compute<false>(velocity, gravity, false, ws, wrenches());
     if (are_finite(change, second) && is_below_or_zero(second, Scalar(first * Scalar(0.25)))) { put(ws); }
   }
 
@@ -367,8 +367,6 @@ private:
   {
     return residual_.unseen(v) * (times * Eigen::NumTraits<Scalar>::epsilon());
   }
-
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   int heavy_ = 0;  // 16, 32 or 128: a body is that many times as heavy as one further inward
   bool has_mended_ = false;

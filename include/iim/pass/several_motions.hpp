@@ -87,7 +87,6 @@ public:
   }
 
 private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   Motions<Lane>& a_of(Index depth, Index frame) { return a_[at(depth * frames_ + frame)]; }
   Motions<Lane>& w_of(Index depth, Index frame) { return w_[at(depth * frames_ + frame)]; }
   static void add(const Motions<Lane>& x, Motions<Lane>& sum)

@@ -113,7 +113,6 @@ public:
 
 private:
   static constexpr int patience = 64;  ///< passes
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   /// Shared are the places of frames that keep none.
   [[gnu::cold]] void distribute(const TreeData<Scalar>& tree, Frames& frames)

@@ -210,7 +210,6 @@ public:
   }
 
 private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[gnu::always_inline]] static TriplePair<Scalar> none()
   {
     const Triple<Scalar> zero(Scalar(0), Scalar(0), Scalar(0));

@@ -46,8 +46,8 @@ public:
 
   bool is_known(Index i) const { return basis(i).size > 0; }
 
-  /// Whether subsystem i can always move along V, about the origin of the frame that it hangs on, in its axes. Not along
-  /// none, 0.
+  /// Whether subsystem i can always move along V, about the origin of the frame that it hangs on, in its axes. Not
+  /// along none, 0.
   [[gnu::cold]] bool contain(Index i, const Twist& V) const
   {
     return ScalarTraits<Scalar>::is_positive(V.squaredNorm()) && is_known(i) && is_small(beyond(basis(i), V), V);
@@ -80,7 +80,6 @@ public:
   }
 
 private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[gnu::cold]] const Basis& basis(Index i) const
   {
     static const Basis none;

@@ -20,6 +20,7 @@
 #include <iim/pass/free_axis.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root/root_compress.hpp>
 #include <iim/square_root/root_rows.hpp>
@@ -30,7 +31,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <utility>
 
 namespace iim::detail {
@@ -180,7 +180,7 @@ void free_root_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diag
   std::array<RootRow<Scalar>, 6> N_1;
   if (!eliminate_free(inertia, ws.rows(node.frame), N_1, ws.tape(node.index))) {
     diagnosis.fail(Status::not_positive_definite, node.index);
-    const RootRow<Scalar> nothing = RootRow<Scalar>::Constant(std::numeric_limits<Scalar>::quiet_NaN());
+    const RootRow<Scalar> nothing = RootRow<Scalar>::Constant(not_a_number<Scalar>());
     N_1.fill(nothing);
     inertia.G.fill(nothing);
   }

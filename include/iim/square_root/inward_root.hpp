@@ -4,6 +4,7 @@
 #include <iim/numerics/registers.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
+#include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/square_root/free_root.hpp>
 #include <iim/square_root/inlet_root.hpp>
@@ -16,7 +17,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <type_traits>
 
 namespace iim::detail {
@@ -216,7 +216,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   }
   if (!regular) {
     diagnosis.fail(Status::not_positive_definite, node.index);
-    C.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+    C.setConstant(not_a_number<Scalar>());
     rows.count = 0;  // no row is left
     left.count = 0;
     moves = false;

@@ -100,7 +100,8 @@ struct Driven : M {
 /// pulley on the first axis.
 template <class Scalar>
 using BeltDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
-/// Two hinges with both motors on both of them: bevel gears at a wrist or hip.
+/// Two hinges with both motors on both of them: bevel gears at a wrist or hip. (The same type: what differs is the
+/// transmission.)
 template <class Scalar>
 using DifferentialDrive = Compound<Driven<HingeRow<Scalar, 2>, 2>>;
 

@@ -64,6 +64,7 @@ struct ElasticMotorArmOn {
     return ok;
   }
 
+  Body<Scalar>& fixed_body() { return body; }
   std::array<CarriedBody<Scalar>, 2> bodies() const { return MotorArmOn<Joint>{joint, body, motor}.bodies(); }
 
   std::array<Rotor<Scalar, 2>, 1> rotors() const

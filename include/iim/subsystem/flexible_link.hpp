@@ -2,6 +2,7 @@
 #pragma once
 
 #include <iim/errors.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/subsystem.hpp>
 #include <iim/subsystem/joint.hpp>
 #include <iim/subsystem/relative_motion.hpp>
@@ -80,7 +81,7 @@ struct FlexibleLink {
     const auto x = independent<Scalar, n_i>(q, qd);
     Moving root;
     const bool ok = clamp(q, qd, root);
-    for (int k = 0; k < n_frames; ++k) { section(root, x, table_[at(k)]).write(R, frames[at(k)]); }
+    for (int k = 0; k < n_frames; ++k) { section(root, x, table_[detail::at(k)]).write(R, frames[detail::at(k)]); }
     return ok;
   }
 
@@ -88,11 +89,11 @@ struct FlexibleLink {
   {
     std::array<CarriedBody<Scalar>, static_cast<std::size_t>(n_sections)> all;
     for (int k = 0; k < n_sections; ++k) {
-      const Scalar share = table_[at(k + 1)].weight * length;
+      const Scalar share = table_[detail::at(k + 1)].weight * length;
       Body<Scalar> body;
       body.mass = share * mass_per_length;
       body.inertia.diagonal() << share * (rotary_y + rotary_z), share * rotary_y, share * rotary_z;
-      all[at(k)] = {k + 1, body};
+      all[detail::at(k)] = {k + 1, body};
     }
     return all;
   }
@@ -149,7 +150,6 @@ struct FlexibleLink {
   }
 
 private:
-  static constexpr std::size_t at(int k) { return static_cast<std::size_t>(k); }
   using Row = Eigen::Matrix<Scalar, n_functions, 1>;
 
   /// The functions at one section.
@@ -168,7 +168,8 @@ private:
     P[0] = Scalar(1);
     P[1] = t;
     for (int k = 1; k <= n_functions; ++k) {
-      P[at(k + 1)] = (Scalar(2 * k + 1) * t * P[at(k)] - Scalar(k) * P[at(k - 1)]) / Scalar(k + 1);
+      P[detail::at(k + 1)] =
+          (Scalar(2 * k + 1) * t * P[detail::at(k)] - Scalar(k) * P[detail::at(k - 1)]) / Scalar(k + 1);
     }
     return P;
   }
@@ -179,8 +180,8 @@ private:
     const auto P = legendre(xi);
     Row I;
     for (int k = 0; k < n_functions; ++k) {
-      const Scalar below = k == 0 ? Scalar(-1) : P[at(k - 1)];
-      I(k) = (P[at(k + 1)] - below) / Scalar(2 * (2 * k + 1));
+      const Scalar below = k == 0 ? Scalar(-1) : P[detail::at(k - 1)];
+      I(k) = (P[detail::at(k + 1)] - below) / Scalar(2 * (2 * k + 1));
     }
     return I;
   }
@@ -204,8 +205,8 @@ private:
         slope = Scalar(n) * (before - t * P) / (Scalar(1) - t * t);
         t -= P / slope;
       }
-      xi[at(k)] = (Scalar(1) - t) / Scalar(2);
-      weight[at(k)] = Scalar(1) / ((Scalar(1) - t * t) * slope * slope);
+      xi[detail::at(k)] = (Scalar(1) - t) / Scalar(2);
+      weight[detail::at(k)] = Scalar(1) / ((Scalar(1) - t * t) * slope * slope);
     }
   }
 
@@ -214,9 +215,9 @@ private:
     std::array<Scalar, static_cast<std::size_t>(n_sections)> xi, weight;
     gauss(xi, weight);
     for (int k = 0; k < n_frames; ++k) {
-      Section& s = table_[at(k)];
-      s.xi = k == 0 ? Scalar(1) : xi[at(k - 1)];
-      s.weight = k == 0 ? Scalar(0) : weight[at(k - 1)];
+      Section& s = table_[detail::at(k)];
+      s.xi = k == 0 ? Scalar(1) : xi[detail::at(k - 1)];
+      s.weight = k == 0 ? Scalar(0) : weight[detail::at(k - 1)];
       s.slope = integrals(s.xi);
       s.twist = s.slope;
       // By Gauss on 0 … ξ, exact: φ_k' has degree k + 1.
@@ -262,7 +263,7 @@ private:
     using D = Dependent<Scalar, n_i>;
     const auto sum = [&](int first, int count, const Row& functions) {
       D total;
-      for (int k = 0; k < count; ++k) { total = total + x[at(first + k)] * D(functions(k)); }
+      for (int k = 0; k < count; ++k) { total = total + x[detail::at(first + k)] * D(functions(k)); }
       return total;
     };
     D along(s.xi * length);
@@ -270,8 +271,8 @@ private:
       const auto draw = [&](int first, int count) {
         for (int j = 0; j < count; ++j) {
           D row;
-          for (int k = 0; k < count; ++k) { row = row + x[at(first + k)] * D(s.drawn(j, k)); }
-          along = along - D(length / Scalar(2)) * x[at(first + j)] * row;
+          for (int k = 0; k < count; ++k) { row = row + x[detail::at(first + k)] * D(s.drawn(j, k)); }
+          along = along - D(length / Scalar(2)) * x[detail::at(first + j)] * row;
         }
       };
       draw(n_joint, n_y);

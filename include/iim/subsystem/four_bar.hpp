@@ -40,9 +40,7 @@ struct FourBarLinkage {
     if (!(abs(length - crank) < coupler + rocker) || !(abs(coupler - rocker) < length + crank)) {
       detail::refuse({owner, ": one of the bars is longer than the others together: the loop does not close"});
     }
-    if (side != Scalar(1) && side != Scalar(-1)) {
-      detail::refuse({owner, ": side must be 1 or −1, got ", detail::to_text(side)});
-    }
+    detail::check_side(side, owner);
   }
 
   bool place(const std::array<Dependent<Scalar, 1>, 1>& q, std::array<RelativeMotion<Scalar, 1>, 3>& frames) const

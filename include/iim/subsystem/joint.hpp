@@ -23,6 +23,17 @@ template <class Scalar>
   }
 }
 
+/// Throws ModelError, naming `owner`, unless the unit vectors normal and x are perpendicular.
+template <class Scalar>
+[[gnu::cold]] void check_perpendicular(const Vector3<Scalar>& normal, const Vector3<Scalar>& x,
+                                       const std::string& owner)
+{
+  using std::abs;
+  if (!(abs(normal.dot(x)) < Scalar(1e-6))) {
+    refuse({owner, ": x must be perpendicular to the normal, got ", to_text(x), " and ", to_text(normal)});
+  }
+}
+
 /// A unit vector that may be one of the coordinate axes, which makes turning about it cheap.
 template <class Scalar_>
 struct UnitAxis {

@@ -165,13 +165,9 @@ struct Planar {
 
   void prepare(const std::string& owner)
   {
-    using std::abs;
     unit_ = detail::UnitAxis<Scalar>(normal, owner + ": normal");
     const Vector3<Scalar> along = detail::UnitAxis<Scalar>(x, owner + ": x").direction;
-    if (!(abs(unit_.direction.dot(along)) < Scalar(1e-6))) {
-      detail::refuse({owner, ": x must be perpendicular to the normal, got ", detail::to_text(x), " and ",
-                      detail::to_text(normal)});
-    }
+    detail::check_perpendicular(unit_.direction, along, owner);
     y_ = unit_.direction.cross(along).normalized();
     x_ = y_.cross(unit_.direction);
   }

@@ -40,6 +40,13 @@ Scalar dead_centre()
   return Scalar(std::cbrt(128 * to_double(Eigen::NumTraits<Scalar>::epsilon())));
 }
 
+/// Throws ModelError, naming `owner`, unless `side` says which of the two ways a loop closes in.
+template <class Scalar>
+[[gnu::cold]] void check_side(const Scalar& side, const std::string& owner)
+{
+  if (side != Scalar(1) && side != Scalar(-1)) { refuse({owner, ": side must be 1 or −1, got ", to_text(side)}); }
+}
+
 }  // namespace detail
 
 /// When the iteration ends, and what is taken for singular.
@@ -183,13 +190,9 @@ struct Plane {
   /// Throws ModelError naming `owner` unless normal and x are perpendicular unit vectors.
   void prepare(const std::string& owner)
   {
-    using std::abs;
     normal = detail::UnitAxis<Scalar>(normal, owner + ": normal").direction;
     x = detail::UnitAxis<Scalar>(x, owner + ": x").direction;
-    if (!(abs(normal.dot(x)) < Scalar(1e-6))) {
-      detail::refuse({owner, ": x must be perpendicular to the normal, got ", detail::to_text(x), " and ",
-                      detail::to_text(normal)});
-    }
+    detail::check_perpendicular(normal, x, owner);
     x = (x - normal * normal.dot(x)).normalized();
   }
 

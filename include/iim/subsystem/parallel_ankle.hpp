@@ -66,9 +66,7 @@ struct ParallelAnkleLinkage {
         detail::refuse({name, ": crank must be perpendicular to its axis, got ", detail::to_text(r.crank), " and ",
                         detail::to_text(r.axis)});
       }
-      if (r.side != Scalar(1) && r.side != Scalar(-1)) {
-        detail::refuse({name, ": side must be 1 or −1, got ", detail::to_text(r.side)});
-      }
+      detail::check_side(r.side, name);
       if (!detail::all_finite(r.hinge) || !detail::all_finite(r.foot) || !detail::is_finite(r.gear_ratio)) {
         detail::refuse({name, ": hinge, foot and gear ratio must be finite"});
       }

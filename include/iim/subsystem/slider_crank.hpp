@@ -37,9 +37,7 @@ struct SliderCrankLinkage {
     if (!(abs(offset) < crank + rod)) {
       detail::refuse({owner, ": crank and rod do not reach the guide, which is ", detail::to_text(offset), " m away"});
     }
-    if (side != Scalar(1) && side != Scalar(-1)) {
-      detail::refuse({owner, ": side must be 1 or −1, got ", detail::to_text(side)});
-    }
+    detail::check_side(side, owner);
   }
 
   bool place(const std::array<Dependent<Scalar, 1>, 1>& q, std::array<RelativeMotion<Scalar, 1>, 3>& frames) const

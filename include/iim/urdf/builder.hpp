@@ -3,6 +3,7 @@
 
 #include <iim/errors.hpp>
 #include <iim/iim.hpp>
+#include <iim/numerics/array.hpp>
 #include <iim/urdf/file.hpp>
 #include <iim/urdf/robot.hpp>
 
@@ -103,8 +104,6 @@ private:
     int part;
     Placement<Scalar> on_part;
   };
-
-  static std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   Attachment<Scalar> attachment(const Seat& seat, const Placement<Scalar>& on_link) const
   {

@@ -52,7 +52,7 @@ public:
       B_.jacobian().template propagate<S>(node, ws.template node<S>(node), [&](Index a, const auto& y) {
         for (int d = 0; d < S::n_i; ++d) {
           const Vector6<Scalar>& F = F_[at(node.v + d)];
-          const Lanes<Scalar> row =
+          const Strip<Scalar> row =
               (y[0] * F(0) + y[1] * F(1) + y[2] * F(2)) + (y[3] * F(3) + y[4] * F(4) + y[5] * F(5));
           store(M_.data() + (node.v + d) * M_.rows() + a, row, node.path_v - a);
         }
@@ -78,7 +78,7 @@ public:
   const InputMatrix<Tree>& B() const { return B_; }
 
 private:
-  struct Carried {
+  struct Composite {
     CompositeBody<Scalar> I;
     Vector6<Scalar> a;
     Vector6<Scalar> f;
@@ -104,21 +104,21 @@ private:
       }
       for (int k = 0; k < S::n_frames; ++k) {
         const FrameState<Scalar>& f = ws.frame(node.frame + k);
-        Carried& carried = frames_[at(node.frame + k)];
-        carried.a = y;
+        Composite& composite = frames_[at(node.frame + k)];
+        composite.a = y;
         if constexpr (has_bias<scene, S>(0)) {
-          for (int i = 0; i < 3; ++i) { carried.a(i) += f.bias(i); }
+          for (int i = 0; i < 3; ++i) { composite.a(i) += f.bias(i); }
         }
         if constexpr (has_bias<scene, S>(3)) {
-          for (int i = 3; i < 6; ++i) { carried.a(i) += f.bias(i); }
+          for (int i = 3; i < 6; ++i) { composite.a(i) += f.bias(i); }
         }
         SpatialInertia<Scalar> A;
         TriplePair<Scalar> h;
         place_bodies<is_placed_off<S>(), scene.velocity>(tree_->frame_mass(node.frame + k), f.R, triple(f.r),
                                                          triple(f.omega), A, h);
-        h.put(carried.f.data());
-        carried.I.set(A);
-        add(carried.f, carried.I.template times<true, true>(linear(carried.a), angular(carried.a)));
+        h.put(composite.f.data());
+        composite.I.set(A);
+        add(composite.f, composite.I.template times<true, true>(linear(composite.a), angular(composite.a)));
       }
     });
   }
@@ -147,15 +147,15 @@ private:
           for (int c = 0; c < 6; ++c) { F(c, d) = Scalar(0); }
         }
         for (int k = 0; k < S::n_frames; ++k) {
-          const Carried& carried = frames_[at(node.frame + k)];
+          const Composite& composite = frames_[at(node.frame + k)];
           const auto& S_k = state.S_k[at(k)];
           for (int d = 0; d < n_i; ++d) {
-            const Vector6<Scalar> F_k = carried.I.template times<pattern.linear, pattern.angular>(
+            const Vector6<Scalar> F_k = composite.I.template times<pattern.linear, pattern.angular>(
                 Vector3<Scalar>(S_k(0, d), S_k(1, d), S_k(2, d)), Vector3<Scalar>(S_k(3, d), S_k(4, d), S_k(5, d)));
             for (int c = 0; c < 6; ++c) { F(c, d) += F_k(c); }
             if constexpr (pattern.linear || pattern.angular) {
               for (int e = d; e < n_i; ++e) { D(e, d) += column_dot<pattern>(S_k, e, F_k); }
-              h(d) += column_dot<pattern>(S_k, d, carried.f);
+              h(d) += column_dot<pattern>(S_k, d, composite.f);
             }
           }
         }
@@ -193,7 +193,7 @@ private:
         add(f, f_body);
         add(f, body.template times<true, true>(linear(y), angular(y)));
       }
-      Carried& inlet = frames_[at(node.inlet)];
+      Composite& inlet = frames_[at(node.inlet)];
       inlet.I.add_shifted(I, state.r);
       add(inlet.f, shift_wrench(state.r, f));
     });
@@ -222,11 +222,9 @@ private:
     }
   }
 
-  static constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   const Tree* tree_;
   InputMatrix<Tree> B_;
-  Array<Carried> frames_;
+  Array<Composite> frames_;
   Array<Vector6<Scalar>> y_;  // guidance acceleration for q̈ = 0
   Array<Vector6<Scalar>> F_;  // wrench at the own coupling point per q̈ of one velocity
   MatrixX<Scalar> M_;
