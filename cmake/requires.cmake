@@ -2,7 +2,6 @@
 #
 #   // REQUIRES: boost json      optional packages that it needs; the file is left out where one is absent
 #   // OPTIONAL: pinocchio        packages that it uses where they are there: then IIM_WITH_PINOCCHIO is defined
-#   // LABELS: slow              ctest labels
 #   // FLAGS: -DNDEBUG           (tests) of the compiler, for this file
 #   // RUNS: optimised          (tests) even where the others are not: one would take minutes, another see nothing
 #   // PROGRAM: NAME             (bench) the program whose main() stands in this file; (tests) that it is compiled into

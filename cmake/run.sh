@@ -145,8 +145,8 @@ needs_of() {  # what VERB cannot do without
   case $1 in
     test) echo cmake compiler maker eigen catch2 ;;
     tables) echo cmake compiler maker eigen benchmark boost ;;
-    peers | accuracy) echo cmake compiler maker eigen benchmark boost ;;
-    types | several) echo cmake compiler maker eigen ;;
+    accuracy) echo cmake compiler maker eigen benchmark boost ;;
+    peers | types | several) echo cmake compiler maker eigen ;;
     *) die "there is no verb '$1' (sh cmake/run.sh help)" ;;
   esac
 }

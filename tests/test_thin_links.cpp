@@ -4,6 +4,7 @@
 #include "catch.hpp"
 #include "random_tree.hpp"
 #include "worst.hpp"
+#include "wrist_arm.hpp"
 
 #include <iim/iim.hpp>
 
@@ -12,8 +13,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 #include <variant>
@@ -101,37 +100,6 @@ bool has_own_axes(const Parts<double>& assembly)
   return !Workspace<Tree<double>, update>(tree).axes().empty();
 }
 
-/// The forearm turns about the axis that the hand lies along: A is up to 500 times as large there as the pivot.
-Parts<double> wrist_arm(test::Random& random)
-{
-  struct Link {
-    test::Vec3 axis, p;
-    double mass, com;
-    test::Vec3 moments;
-  };
-  const Link links[]{{{0, 0, 1}, {0, 0, 0.15}, 0.75, -0.06, {1.5e-3, 1.5e-3, 6e-4}},
-                     {{0, 1, 0}, {0, 0, 0.12}, 1, 0.2, {1e-2, 1e-2, 8e-4}},
-                     {{0, 1, 0}, {0, 0, 0.41}, 0.7, 0.08, {1.4e-3, 1.4e-3, 3e-4}},
-                     {{0, 0, 1}, {0, 0.01, 0.2}, 0.45, 0.05, {4.3e-4, 4.3e-4, 9e-5}},
-                     {{0, 1, 0}, {0, 0, 0.1}, 0.45, 0.05, {4.3e-4, 4.3e-4, 9e-5}},
-                     {{0, 0, 1}, {0, 0, 0.1}, 1, 0.06, {8e-4, 8e-4, 6e-4}}};
-  Parts<double> assembly;
-  std::string parent = "world";
-  for (const Link& link : links) {
-    Body<double> body;
-    body.mass = link.mass;
-    body.com = {0, 0, link.com};
-    body.inertia = link.moments.asDiagonal();
-    Attachment<double> on;
-    on.parent = parent;
-    on.p = link.p;
-    if (parent == "world") { on.R = Eigen::AngleAxisd(1, random.axis()).toRotationMatrix(); }
-    parent = "link " + std::to_string(assembly.parts().size());
-    assembly.add(parent, on, RevoluteLink<double>{{link.axis}, body});
-  }
-  return assembly;
-}
-
 /// Two joints about one line, between them a link that is `light` beside what it carries.
 Parts<double> in_line(double light, test::Random& random)
 {
@@ -157,14 +125,6 @@ Parts<double> in_line(double light, test::Random& random)
 {
   volatile double room[4096];
   for (volatile double& x : room) { x = std::numeric_limits<double>::denorm_min(); }
-}
-
-/// The wrist nearly stretched.
-test::RandomState stretched(const Tree<double>& tree, test::Random& random)
-{
-  test::RandomState state = test::random_state(tree, 0, random);
-  state.q(4) *= 0.05;
-  return state;
 }
 
 }  // namespace
@@ -195,10 +155,10 @@ TEST_CASE("bars with joints along and across them keep their digits whatever the
 TEST_CASE("an arm with its wrist stretched along the forearm keeps its digits")
 {
   test::Random random(1);
-  const Parts<double> assembly = wrist_arm(random);
+  const Parts<double> assembly = test::wrist_arm(random);
   const Tree<double> tree(assembly);
   for (int k = 0; k < 100; ++k) {  // over 16 ε in more than half of the states, where the pivot is not mended
-    const test::RandomState state = stretched(tree, random);
+    const test::RandomState state = test::stretched(tree, random);
     const auto a = Bhat<double, Update::projected>(assembly, state);
     const auto b = Bhat<long double, Update::square_root>(assembly.cast<long double>(), state);
     CHECK(static_cast<double>((a - b).norm() / b.norm()) <= 16 * std::numeric_limits<double>::epsilon());
@@ -209,11 +169,11 @@ TEST_CASE("what is done about a weak pivot works on no number but the robot's")
 {
   // Numbers that nobody has written are often subnormal, and a hundred times as slow.
   test::Random random(1);
-  const Tree<double> tree(wrist_arm(random));
+  const Tree<double> tree(test::wrist_arm(random));
   Workspace<Tree<double>> ws(tree);
   int underflows = 0;
   for (int k = 0; k < 100; ++k) {
-    const test::RandomState state = stretched(tree, random);
+    const test::RandomState state = test::stretched(tree, random);
     leave_subnormal_numbers();
     std::feclearexcept(FE_ALL_EXCEPT);
     const auto fd = forward_dynamics(state.q, state.qd, ws);
@@ -238,48 +198,6 @@ TEST_CASE("joints about one line keep their digits, however light the link betwe
     }
     CHECK(worst <= 16);
   }
-}
-
-TEST_CASE("a copy of a workspace finds the bodies beyond a weak pivot in itself")
-{
-  test::Random random(1);
-  const Parts<double> assembly = wrist_arm(random);
-  const Tree<double> tree(assembly);
-  Workspace<Tree<double>> ws(tree);
-  auto first = std::make_unique<Workspace<Tree<double>>>(tree);
-  Workspace<Tree<double>> copy(*first);
-  const Workspace<Tree<double>> moved_from = std::move(*first);
-  first.reset();
-  Workspace<Tree<double>> moved(moved_from);
-  for (int k = 0; k < 20; ++k) {
-    const test::RandomState state = stretched(tree, random), other = stretched(tree, random);
-    const VectorX<double> qdd = forward_dynamics(state.q, state.qd, ws).qdd0();
-    (void)forward_dynamics(other.q, other.qd, ws);
-    CHECK(forward_dynamics(state.q, state.qd, copy).qdd0() == qdd);
-    CHECK(forward_dynamics(state.q, state.qd, moved).qdd0() == qdd);
-  }
-}
-
-TEST_CASE("a workspace that is restored where it was finds the bodies beyond in what it then has")
-{
-  test::Random random(1);
-  const Tree<double> tree(wrist_arm(random));
-  Workspace<Tree<double>> ws(tree);
-  const test::RandomState state = stretched(tree, random), other = stretched(tree, random);
-  const VectorX<double> qdd = forward_dynamics(state.q, state.qd, ws).qdd0();
-  std::optional<Workspace<Tree<double>>> used(std::in_place, tree);
-  REQUIRE(forward_dynamics(other.q, other.qd, *used).ok());
-  const Workspace<Tree<double>> backup(*used);
-  Workspace<Tree<double>> assigned(tree);
-  REQUIRE(forward_dynamics(other.q, other.qd, assigned).ok());
-  const Workspace<Tree<double>> second(assigned);
-  used.reset();
-  assigned = Workspace<Tree<double>>(tree);
-  const std::vector<double> taken(10000, 1e30);  // what was the first's
-  used.emplace(backup);
-  assigned = second;
-  CHECK(forward_dynamics(state.q, state.qd, *used).qdd0() == qdd);
-  CHECK(forward_dynamics(state.q, state.qd, assigned).qdd0() == qdd);
 }
 
 TEST_CASE("only limbs with thin links, whose pivots are not mended, pay for axes of their own")

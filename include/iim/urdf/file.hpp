@@ -16,6 +16,7 @@
 #include <tinyxml2.h>
 #endif
 
+#include <algorithm>
 #include <cctype>
 #include <cstddef>
 #include <exception>
