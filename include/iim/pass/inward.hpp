@@ -175,8 +175,8 @@ template <Scene scene, class S, class Workspace>
   constexpr bool is_compound = mends_compounds<S, Workspace>();
   [[maybe_unused]] Columns V;
   if constexpr (is_compound) {
-    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(8), Scalar(0)) && diagnosis.status == Status::ok)
-        [[unlikely]] {
+    if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(8), Scalar(0)) && diagnosis.status == Status::ok &&
+        ws.axes().of(node.frame) == nullptr) [[unlikely]] {  // what is beyond stands in the world's axes
       mended =
           mend_compound<Scalar, n_i>(node, D, scale, ws.is_implicit(), ws, positive, state.MbarR_inv_root, D_inv, V, W);
       weak = weak && !mended;

@@ -94,7 +94,7 @@ struct BodyRoot {
         root_moment(k) = sqrt(moment(k));
         gyration(k) = difference / root_moment(k);
         ++rows;
-      } else if (abs(difference) > Scalar(1e-5) * moment(0)) {
+      } else if (abs(difference) > Scalar(64) * Eigen::NumTraits<Scalar>::epsilon() * moment(0)) {
         beside(k) = difference;
         has_beside = true;
       }
