@@ -3,13 +3,10 @@
 // implicit steps, or in what an integrator calls.
 #include "cycle.hpp"
 
-#include <iim/subsystem/elastic_motor_arm.hpp>
-#include <iim/subsystem/flexible_link.hpp>
-#include <iim/subsystem/four_bar.hpp>
-#include <iim/subsystem/parallel_ankle.hpp>
+#include "../examples/legged_machine.hpp"
 
-#include <cmath>
-#include <cstddef>
+#include <iim/subsystem/flexible_link.hpp>
+
 #include <limits>
 
 namespace test_cycle_no_heap_types {
@@ -23,49 +20,15 @@ using Vec3 = Vector3<double>;
 using Beam = FlexibleLink<Revolute<double>, 1, 1, 0>;
 using Parts = Assembly<FloatingBase<double>, ElasticMotorArm<double>, FourBar<double>, ParallelAnkle<double>, Beam>;
 
-Body<double> body(double mass)
-{
-  Body<double> b{mass, {0.02, 0.01, -0.1}, {}};
-  b.inertia = Vec3(0.02, 0.02, 0.01).asDiagonal() * mass;
-  return b;
-}
-
+/// A leg of the legged machine, and a flexible link.
 Parts robot()
 {
+  const Body<double> link = legged::body(2, {0.02, 0.01, -0.1}, {0.04, 0.04, 0.02});
   Parts parts;
-  parts.add("torso", {}, FloatingBase<double>{body(10)});
-  ElasticMotorArm<double> hip;
-  hip.joint.axis = Vec3::UnitX();
-  hip.body = body(2);
-  hip.motor.gear_ratio = 50;
-  hip.motor.axial_inertia = 2e-5;
-  hip.motor.axis = Vec3::UnitX();
-  hip.stiffness = 400;
-  parts.add("hip", {.parent = "torso", .p = {0, 0.1, -0.1}}, hip);
-  FourBar<double> knee;
-  knee.mechanism.plane = {Vec3::UnitY(), Vec3::UnitX()};
-  knee.mechanism.ground = {0.0, 0.3};
-  knee.mechanism.crank = 0.05;
-  knee.mechanism.rocker = 0.06;
-  knee.mechanism.coupler = std::hypot(0.01, 0.3);
-  for (Body<double>& bar : knee.body) { bar = body(0.3); }
-  parts.add("knee", {.parent = "hip", .p = {0, 0, -0.1}}, knee);
-  ParallelAnkle<double> ankle;
-  for (std::size_t k = 0; k < 2; ++k) {
-    PushRod<double>& rod = ankle.mechanism.rod[k];
-    const double y = k == 0 ? 0.04 : -0.04;
-    rod.hinge = {0.01, y, k == 0 ? 0.25 : 0.18};
-    rod.crank = {-0.07, 0, 0};
-    rod.foot = {-0.05, y, 0.01};
-    rod.rod = (rod.hinge + rod.crank - rod.foot).norm();
-    rod.side = 1;
-    rod.rod_mass = 0.15;
-    rod.gear_ratio = 9;
-    rod.rotor_inertia = 1e-4;
-    ankle.body[k + 1] = body(0.1);
-  }
-  ankle.body[0] = body(0.9);
-  parts.add("ankle", {.parent = "knee", .p = {0, 0, -0.3}, .outlet = 2}, ankle);
+  parts.add("torso", {}, FloatingBase<double>{link})
+      .add("hip", {.parent = "torso", .p = {0, 0.1, -0.1}}, legged::hip(Vec3::UnitX(), link))
+      .add("knee", {.parent = "hip", .p = {0, 0, -0.1}}, legged::knee())
+      .add("ankle", {.parent = "knee", .p = {0, 0, -0.3}, .outlet = 2}, legged::ankle());
   Beam beam;
   beam.length = 0.8;
   beam.mass_per_length = 1.5;

@@ -109,7 +109,6 @@ protected:
   {
     if (parts.empty()) { refuse({"the assembly has no parts"}); }
     const int size = static_cast<int>(parts.size());
-    const auto at = [](int k) { return static_cast<std::size_t>(k); };
     std::map<std::string, int> index;
     for (int k = 0; k < size; ++k) { index[parts[at(k)]->name] = k; }
 

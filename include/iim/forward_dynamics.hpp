@@ -81,8 +81,8 @@ Acceleration<typename Workspace::Scalar> forward_dynamics(const Eigen::MatrixBas
 /// stable whatever the stiffness. h C + h² K lies in the blocks M̄_R of (17), so the same pass serves, and every method
 /// that is applied to the receipt returns B̂ = (M + h C + h² K)⁻¹ B: h B̂u is what the inputs add to the velocities in
 /// the step. (GlobalInverse, UnitForcePublished, EquationsOfMotion and Tasks need Scene{.implicit = true} as template
-/// argument.) First
-/// order in h. As forward_dynamics otherwise; a step that is negative or not finite is Status::invalid_state.
+/// argument.) First order in h. As forward_dynamics otherwise; a step that is negative or not finite is
+/// Status::invalid_state.
 template <Scene scene = Scene{}, class Workspace, class Q, class V>
 ForwardDynamics<Workspace> implicit_step(const Eigen::MatrixBase<Q>& q, const Eigen::MatrixBase<V>& qd,
                                          const typename Workspace::Scalar& step, Workspace& workspace)

@@ -7,8 +7,8 @@
 
 namespace iim::detail {
 
-/// How many numbers a strip has: those of two registers, eight at most. (With four SSE2 registers and the
-/// sweep of that time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
+/// How many numbers a strip has: those of two registers, eight at most. (With four SSE2 registers and the sweep of that
+/// time q̈₀ and B̂ of a chain of 20 took 2.4 times as long, of 50 four times.)
 template <class Scalar>
 inline constexpr int lane_count = register_lanes<Scalar> > 1 ? std::min(2 * register_lanes<Scalar>, 8) : 1;
 
