@@ -43,13 +43,13 @@ Parts chain(int links)
   return assembly;
 }
 
-Parts robot(double mass)
+Parts robot(double mass, int links = 3)
 {
-  Parts assembly = chain(3);
+  Parts assembly = chain(links);
   RevoluteLink<double> hand{{Vector3<double>::UnitX()}, {}};
   hand.body.mass = mass;
   hand.body.com = {0, 0, 0.1};
-  assembly.add("hand", {"link2"}, hand);
+  assembly.add("hand", {"link" + std::to_string(links - 1)}, hand);
   return assembly;
 }
 
@@ -248,6 +248,12 @@ TEST_CASE("inputs of another robot, and inputs that were added too late")
   CHECK_THROWS_AS(GlobalInverse(a.tree, b.inputs), ModelError);
   CHECK_THROWS_AS(EquationsOfMotion(a.tree, b.inputs), ModelError);
   CHECK_THROWS_AS(Tasks(a.tree, b.inputs), ModelError);
+  Robot larger{Tree(robot(1, 40))};
+  CHECK_THROWS_AS(ImplicitInversion(a.tree, larger.inputs), ModelError);
+  CHECK_THROWS_AS(UnitForce(a.tree, larger.inputs), ModelError);
+  CHECK_THROWS_AS(RecursiveInverse(a.tree, larger.inputs), ModelError);
+  CHECK_THROWS_AS(GlobalInverse(a.tree, larger.inputs), ModelError);
+  CHECK_THROWS_AS(EquationsOfMotion(a.tree, larger.inputs), ModelError);
   ImplicitInversion before(a.tree, a.inputs);
   EquationsOfMotion equations(a.tree, a.inputs);
   Tasks tasks(a.tree, a.inputs);

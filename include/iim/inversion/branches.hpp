@@ -158,9 +158,11 @@ private:
 template <class Scalar>
 class SortedInputs {
 public:
-  [[gnu::cold]] explicit SortedInputs(const InputBlocks<Scalar>& inputs)
-      : inputs_(&inputs), begin_(static_cast<std::size_t>(inputs.tree().size()) + 1, 0)
+  /// Throws ModelError if the inputs are those of another tree.
+  [[gnu::cold]] SortedInputs(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
+      : inputs_(&inputs), begin_(static_cast<std::size_t>(tree.size()) + 1, 0)
   {
+    static_cast<void>(inputs.max_columns_on(tree));
     const auto end_of = [&](Index id) -> std::size_t& {
       return begin_[static_cast<std::size_t>(inputs.block(id).subsystem)];
     };

@@ -25,6 +25,7 @@ namespace iim::detail {
 template <class Scalar>
 [[gnu::cold]] Index product_pays_from(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
 {
+  const Index most = inputs.max_columns_on(tree);
   constexpr double lanes = lane_count<Scalar>,
                    width = register_lanes<Scalar>;  // of a step of the product, of a narrow sweep
   constexpr double registers = lanes / width;
@@ -37,7 +38,7 @@ template <class Scalar>
     // a full mantissa, in float, the product takes longer (chain of 63, all joints driven: 2.1, of 100: 7 times as long
     // as by sweeps).
     constexpr int decades = -std::numeric_limits<Scalar>::min_exponent10;
-    if (0.8 * static_cast<double>(tree.max_path_v()) > decades) { return inputs.max_columns() + 1; }
+    if (0.8 * static_cast<double>(tree.max_path_v()) > decades) { return most + 1; }
   }
   constexpr double node_cost = 12;
   constexpr Cost column_cost = several ? Cost{0, 17} : Cost{10, 13};
@@ -70,7 +71,6 @@ template <class Scalar>
     inward += static_cast<double>(input.size) * path[i];
     if (input.kind == InputKind::motor && tree.velocities(input.subsystem) == 1) { rows_of_L += input.size; }
   }
-  const Index most = inputs.max_columns();
   const double each = most > 0 ? 1 / static_cast<double>(most) : 0.0;
   const double column = product * each;
   const double sweep = everywhere + inward * each;

@@ -20,7 +20,7 @@ class ProductPlan {
 protected:
   /// least_rows: of L, zeros after its last.
   [[gnu::cold]] ProductPlan(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs, Index least_rows)
-      : tree_(&tree), inputs_(inputs), heavy_(tree), depth_(padded<Scalar>(tree.max_path_v())),
+      : tree_(&tree), inputs_(tree, inputs), heavy_(tree), depth_(padded<Scalar>(tree.max_path_v())),
         first_beta_(std::max(tree.n_v(), least_rows)), rows_(depth_, first_beta_ + inputs.max_columns()),
         steps_(at(tree.size())), row_end_(at(tree.n_v()), 0), first_row_(at(tree.size()) + 1, 0),
         first_other_(first_row_)

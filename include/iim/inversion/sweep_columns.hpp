@@ -26,7 +26,7 @@ template <class Scalar, int width>
 class SweepColumns {
 protected:
   [[gnu::cold]] SweepColumns(const TreeData<Scalar>& tree, const InputBlocks<Scalar>& inputs)
-      : tree_(&tree), sorted_(inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
+      : tree_(&tree), sorted_(tree, inputs), buffers_(tree), moving_(static_cast<std::size_t>(buffers_.count())),
         place_(static_cast<std::size_t>(tree.n_frames()), -1), loads_(place_.size(), 0), along_(place_.size(), zero()),
         rows_(static_cast<std::size_t>(tree.n_v())), reach_(static_cast<std::size_t>(tree.size()), at_rest),
         unit_rows_(tree)

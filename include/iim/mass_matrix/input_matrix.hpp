@@ -85,7 +85,7 @@ public:
   };
 
   InputMatrix(const Tree& tree, const Inputs<Tree>& inputs)
-      : tree_(&tree), jacobian_(tree), sorted_(inputs), entries_(jacobian_.depth(), inputs.max_columns()),
+      : tree_(&tree), jacobian_(tree), sorted_(tree, inputs), entries_(jacobian_.depth(), inputs.max_columns()),
         columns_(static_cast<std::size_t>(inputs.max_columns())), needed_(static_cast<std::size_t>(tree.size()), 0)
   {
     entries_.setZero();
