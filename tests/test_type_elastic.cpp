@@ -5,6 +5,7 @@
 
 #include <iim/law_suite.hpp>
 #include <iim/subsystem/elastic_motor_arm.hpp>
+#include <iim/unit_force.hpp>
 
 using namespace iim;
 using namespace iim::test;
@@ -165,6 +166,45 @@ TEST_CASE("A heavy fixed link on an elastic drive, which does not take its body,
     REQUIRE(x.ok());
     CHECK((x.Bhat - y.Bhat).norm() <= 1e-10 * y.Bhat.norm());
     CHECK((x.qdd0 - y.qdd0).norm() <= 1e-10 * y.qdd0.norm());
+  }
+}
+
+TEST_CASE("Elastic drives in a row carry a load in square-root form")
+{
+  for (const double load : {1.0, 20.0, 1e3}) {
+    Random random(25);
+    ElasticParts parts;
+    Attachment<double> on;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const std::string name = "link" + std::to_string(k);
+      Elastic drive = random_elastic(random);
+      drive.body.mass = k == 3 ? load : 1;
+      drive.body.inertia = drive.body.mass * Vec3(0.02, 0.03, 0.04).asDiagonal();
+      parts.add(name, on, drive);
+      on = random_attachment(random, name);
+    }
+    parts.add("hand", on, RevoluteLink<double>{{random.unit()}, random.body()});
+    const DynamicTree tree(parts);
+    using Tree = std::remove_const_t<decltype(tree)>;
+    Inputs inputs(tree);
+    inputs.add_wrench("hand");
+    Workspace<Tree, Update::square_root> root(tree);
+    Workspace<Tree> matrix(tree);
+    ImplicitInversion by_root(tree, inputs), by_matrix(tree, inputs);
+    UnitForce by_sweep(tree, inputs);
+    const RandomState state = random_state(tree, 0, random);
+    const auto fd = forward_dynamics(state.q, state.qd, root);
+    const auto x = by_root(fd);
+    const auto y = by_matrix(forward_dynamics(state.q, state.qd, matrix));
+    const auto z = by_sweep(fd);
+    CAPTURE(load);
+    REQUIRE(by_root.product_from() <= inputs.columns());
+    REQUIRE(x.ok());
+    REQUIRE(y.ok());
+    REQUIRE(z.ok());
+    CHECK((x.Bhat - y.Bhat).norm() <= 1e-11 * y.Bhat.norm());
+    CHECK((z.Bhat - y.Bhat).norm() <= 1e-11 * y.Bhat.norm());
+    CHECK((x.qdd0 - y.qdd0).norm() <= 1e-11 * y.qdd0.norm());
   }
 }
 

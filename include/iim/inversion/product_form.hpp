@@ -29,6 +29,7 @@
 #include <cassert>
 #include <cstddef>
 #include <numeric>
+#include <optional>
 #include <type_traits>
 
 namespace iim::detail {
@@ -363,8 +364,12 @@ protected:
         if (!own) { std::fill(beta, beta + node.path_v + n_i, Scalar(0)); }
         for (int d = 0; d < n_i; ++d) {
           const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
-          const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
-          add_on_rows(ws, frame, (own ? wrenches.on_frame : wrenches.on_inlet) * Bbar, beta, depth);
+          const std::optional<OpposedWrenches<Scalar>> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
+          if (wrenches) {
+            add_on_rows(ws, frame, (own ? wrenches->on_frame : wrenches->on_inlet) * Bbar, beta, depth);
+          } else if (own) {
+            for (Index a = 0; a < depth; ++a) { beta[a] += row(input.v + d)[a] * Bbar; }
+          }
         }
       }
     }

@@ -17,6 +17,7 @@
 #include <array>
 #include <cassert>
 #include <cstddef>
+#include <optional>
 #include <type_traits>
 
 namespace iim::detail {
@@ -194,11 +195,12 @@ protected:
       for (int l = 0; l < width; ++l) {
         const Scalar size = entry(load, l);
         if (size == Scalar(0)) { continue; }
-        const OpposedWrenches<Scalar> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
-        put_on(wrenches.frame, wrenches.on_frame * size, ws, l);
-        put_on(wrenches.inlet, wrenches.on_inlet * size, ws, l);
+        const std::optional<OpposedWrenches<Scalar>> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
+        if (!wrenches) { continue; }
+        put_on(wrenches->frame, wrenches->on_frame * size, ws, l);
+        put_on(wrenches->inlet, wrenches->on_inlet * size, ws, l);
+        entry(load, l) = Scalar(0);
       }
-      load = zero();
     }
   }
 

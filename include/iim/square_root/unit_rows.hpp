@@ -20,6 +20,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 
 namespace iim::detail {
 
@@ -84,13 +85,12 @@ template <class Workspace>
 /// The load of W on the inlet, W S = 1, is a difference of what acts on the bodies beyond. Where light ones further
 /// inward move freely along it (HeavyFrames::is_between), these two go through Q instead, as wrenches of inputs do. (A
 /// base of 10⁻⁶ of the limb that hangs on it by a universal joint: the column of the next motor 10⁷ ε without this.)
+/// None where the frame does not move along velocity d apart from the others, as for that of a rotor within.
 /// S: columns, one after the other. r: from the inlet's coupling point to its own.
 template <class Workspace>
-[[gnu::cold]] OpposedWrenches<typename Workspace::Scalar> opposed_wrenches(const Node& node,
-                                                                           const typename Workspace::Scalar* S, int n_i,
-                                                                           int d,
-                                                                           const Vector3<typename Workspace::Scalar>& r,
-                                                                           const Workspace& ws)
+[[gnu::cold]] std::optional<OpposedWrenches<typename Workspace::Scalar>> opposed_wrenches(
+    const Node& node, const typename Workspace::Scalar* S, int n_i, int d, const Vector3<typename Workspace::Scalar>& r,
+    const Workspace& ws)
 {
   using Scalar = typename Workspace::Scalar;
   const auto column = [S](int e) -> Vector6<Scalar> { return Eigen::Map<const Vector6<Scalar>>(S + 6 * e); };
@@ -100,7 +100,9 @@ template <class Workspace>
   for (int e = 0; e < n_i; ++e) {
     if (e != d) { others.add(column(e), Scalar(0)); }
   }
-  w = others.beyond(w);
+  w = others.beyond(others.beyond(w));
+  const Scalar apart = w.squaredNorm() - Scalar(1e-6) * column(d).squaredNorm();
+  if (!ScalarTraits<Scalar>::is_positive(apart)) { return std::nullopt; }
   // Nor along what a rod does without inertia: its rows carry the wrench then. But not at any price.
   for (const Index frame : {node.frame, node.inlet}) {
     const Vector6<Scalar> still = idle_motion(frame, ws);
