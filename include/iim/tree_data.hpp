@@ -182,6 +182,7 @@ protected:
     for (const auto& part : merged.parts) {
       visit_part(part.part, [&]<class S>(const S& s) {
         static_assert(S::n_i > 0 || rotor_count<S>() == 0, "a rotor turns with a subsystem's velocities");
+        static_assert(S::n_i > 0 || S::n_u == 0, "motors act on a subsystem's velocities");
         append(part, {S::n_q, S::n_i, S::n_u, S::n_frames});
         if constexpr (has_unit_column<S>()) { check_unit(part.name, "own_twist", s.own_twist()); }
         if constexpr (is_free<S>() && (S::n_u > 0 || has_internal_force<S>())) {
