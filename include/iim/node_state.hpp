@@ -107,7 +107,8 @@ inline constexpr bool one_column = Workspace::update == Update::square_root && k
 
 /// Whether in square-root form a subsystem of this shape may share a motion with its inlet (SharedAxis).
 template <class S, class Workspace>
-inline constexpr bool shares_motion = Workspace::update == Update::square_root && S::n_frames == 1 && !is_free<S>();
+inline constexpr bool shares_motion =
+    Workspace::update == Update::square_root && S::n_frames == 1 && S::n_i <= 6 && !is_free<S>();
 
 /// Whether in matrix form a subsystem of this shape may begin a FreeLimb.
 template <class S, class Workspace>

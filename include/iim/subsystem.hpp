@@ -277,7 +277,7 @@ constexpr bool has_inlet_twists()
         Twists::RowsAtCompileTime == 6 && Twists::ColsAtCompileTime >= 1 && Twists::ColsAtCompileTime <= S::n_i,
         "inlet_twists() has 6 rows and one column for each motion, at most n_i");
     static_assert(S::n_frames == 1 && S::n_i > 1, "inlet_twists() is for one frame with several velocities");
-    return rotor_count<S>() + spring_count<S>() == 0;
+    return rotor_count<S>() + spring_count<S>() == 0 && S::n_i <= 6;
   }
   return false;
 }

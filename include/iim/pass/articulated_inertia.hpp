@@ -116,6 +116,7 @@ template <MotionPattern pattern, class Scalar, int n>
                                                                const SixColumns<Scalar, n>& U,
                                                                const SixColumns<Scalar, n>& W)
 {
+  if constexpr (!pattern.linear && !pattern.angular) { return A; }
   // Of B only what Sᵀ B or the result needs; H' from the half that Sᵀ B needs in any case.
   constexpr bool lower = !pattern.linear;
   const auto from_right = [&](const Scalar& a, int row, int column) __attribute__((always_inline)) {
@@ -171,6 +172,7 @@ template <MotionPattern pattern, class Scalar, int n>
                                                                const SixColumns<Scalar, n>& U,
                                                                const SixColumns<Scalar, n>& W)
 {
+  if constexpr (!pattern.linear && !pattern.angular) { return A; }
   SpatialInertia<Scalar> B = A;
   [[maybe_unused]] ColumnBlock<Scalar> G;  // rows of the upper right block
   if constexpr (pattern.linear) { G = A.H.transposed(); }

@@ -20,6 +20,7 @@ template <class Scalar>
 struct FreeAxis {
   Index frame;
   Index child;                                       ///< −1: none
+  Scalar turning = Scalar(1);                        ///< matrix form: length of the angular part of S
   Vector6<Scalar> common = Vector6<Scalar>::Zero();  ///< S without `child`: about the frame's origin, in its axes
   // Matrix form: about the frame's point, in the axes of its A.
   /// The limbs that begin with `child` or another joint about its line (WorkspaceData::limbs).

@@ -149,13 +149,14 @@ template <Scene scene, class S, class Workspace>
   }
 }
 
-/// Two directions across the unit vector a: columns of the reflection that takes it to ∓e₃.
+/// Two directions across a: columns of the reflection that takes it to ∓e₃.
 template <class Scalar>
-[[gnu::always_inline]] inline std::array<Triple<Scalar>, 2> across(const Triple<Scalar>& a)
+[[gnu::always_inline]] inline std::array<Triple<Scalar>, 2> across(const Triple<Scalar>& a, const Scalar& length)
 {
   const Scalar zero(0), one(1);
-  const Scalar sign = if_greater(a(2), zero, one, Scalar(-1));
-  const Scalar last = a(2) + sign, factor = sign / last, x = factor * a(0), y = factor * a(1);
+  const Scalar size = if_greater(a(2), zero, a(2), Scalar(zero - a(2))) + length;
+  const Scalar last = if_greater(a(2), zero, size, Scalar(zero - size));
+  const Scalar factor = one / (length * size), x = factor * a(0), y = factor * a(1);
   const Triple<Scalar> u(a(0), a(1), last);
   return {Triple<Scalar>(one, zero, zero) - u * x, Triple<Scalar>(zero, one, zero) - u * y};
 }
@@ -224,7 +225,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
 
   // T = [1 0 0; 0 b S_1]: A_T, and what the roundings of its diagonal are told from.
   const Pair S_1(axis.S.data()), a(axis.held.data());
-  const std::array<Triple<Scalar>, 2> b = across(S_1.angular);
+  const std::array<Triple<Scalar>, 2> b = across(S_1.angular, axis.turning);
   Matrix6<Scalar> A_T;
   Vector6<Scalar> scale;
 #pragma GCC unroll 8

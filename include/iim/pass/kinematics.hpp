@@ -42,10 +42,14 @@ template <int first, class Scalar, int n>
 [[gnu::always_inline]] inline Triple<Scalar> relative(const Eigen::Matrix<Scalar, 6, n>& S_k,
                                                       const Eigen::Matrix<Scalar, n, 1>& qd)
 {
-  Triple<Scalar> v = Triple<Scalar>(S_k.data() + first) * qd(0);
+  if constexpr (n == 0) {
+    return Triple<Scalar>(Scalar(0), Scalar(0), Scalar(0));
+  } else {
+    Triple<Scalar> v = Triple<Scalar>(S_k.data() + first) * qd(0);
 #pragma GCC unroll 8
-  for (int d = 1; d < n; ++d) { v += Triple<Scalar>(S_k.data() + 6 * d + first) * qd(d); }
-  return v;
+    for (int d = 1; d < n; ++d) { v += Triple<Scalar>(S_k.data() + 6 * d + first) * qd(d); }
+    return v;
+  }
 }
 
 /// Where `motion` writes: the frames of the subsystem in the workspace.

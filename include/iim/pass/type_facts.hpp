@@ -8,6 +8,8 @@
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
 
+#include <cmath>
+
 namespace iim::detail {
 
 template <class S>
@@ -23,9 +25,9 @@ constexpr bool shares_axes()
 }
 
 /// How many times the moments of a joint's own body, their sum, are what turns about the joint's axis, rotors included;
-/// 0 unless it is enough to lose digits by.
+/// 0 unless it is enough to lose digits by. turning: squared angle per unit of the joint's coordinate.
 template <class S, class Scalar>
-[[gnu::cold]] Scalar thinness(const S& s, const FrameMass<Scalar>& body)
+[[gnu::cold]] Scalar thinness(const S& s, const FrameMass<Scalar>& body, const Scalar& turning)
 {
   if (!body.present) { return Scalar(0); }
   Scalar about_axis = OwnColumn<Scalar>(body, s.own_twist()).D;
@@ -33,7 +35,7 @@ template <class S, class Scalar>
     for (const auto& rotor : s.rotors()) { about_axis += rotor.inertia * rotor.ratio(0) * rotor.ratio(0); }
   }
   if (!ScalarTraits<Scalar>::is_positive(about_axis)) { return Scalar(0); }
-  const Scalar moments = sum_of_moments(body.inertia);
+  const Scalar moments = sum_of_moments(body.inertia) * turning;
   return ScalarTraits<Scalar>::is_positive(moments - Scalar(8) * about_axis) ? Scalar(moments / about_axis) : Scalar(0);
 }
 
@@ -42,7 +44,8 @@ template <class Scalar>
 struct TypeFacts {
   int velocities = 0;
   bool is_free = false, keeps_v = false, turns_about_axis = false, shares_axes = false;
-  Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(0)};  ///< in the frame's axes, where it turns about one
+  Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(0)};  ///< of length 1 in the frame's axes, where it turns about one
+  Scalar turning = Scalar(1);                             ///< if so, angle per unit of its coordinate
   Scalar thinness = Scalar(0);
 };
 /// body: on its first frame.
@@ -51,8 +54,15 @@ template <class S, class Scalar>
 {
   TypeFacts<Scalar> facts{S::n_i, is_free<S>(), keeps_v<S>, turns_about_axis<S>(), shares_axes<S>()};
   if constexpr (turns_about_axis<S>()) {
-    facts.axis = angular(s.own_twist());
-    facts.thinness = thinness(s, body);
+    using std::sqrt;
+    const Vector3<Scalar> turning = angular(s.own_twist());
+    const Scalar square = turning.squaredNorm();
+    facts.turns_about_axis = ScalarTraits<Scalar>::is_positive(square);
+    if (facts.turns_about_axis) {
+      facts.turning = sqrt(square);
+      facts.axis = turning * Scalar(Scalar(1) / facts.turning);
+      facts.thinness = thinness(s, body, square);
+    }
   }
   return facts;
 }

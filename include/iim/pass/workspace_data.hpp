@@ -253,7 +253,8 @@ protected:
           }
           root(node.frame).keeps_v = true;
         } else {
-          free_axes_.push_back({.frame = node.frame, .child = heaviest});
+          const Scalar turning = heaviest >= 0 ? facts[at(heaviest)].turning : Scalar(1);
+          free_axes_.push_back({.frame = node.frame, .child = heaviest, .turning = turning});
         }
       } else if (node.inlet >= 0) {
         carried[at(node.parent)] += carried[at(i)];

@@ -82,11 +82,13 @@ void share_axis(const Node& node, const NodeState<S>& state, [[maybe_unused]] co
         return dot(x.linear, own.linear);
       }
     };
+    const Scalar square = along_own(own);
+    const Scalar unit = ScalarTraits<Scalar>::is_positive(square) ? Scalar(Scalar(1) / square) : Scalar(0);
     // First a whole share, which subtracts without a rounding if the axes are close, then what is left of it.
-    const Scalar cosine = along_own(of_inlet), half(0.5);
+    const Scalar cosine = along_own(of_inlet) * unit, half(0.5);
     const Scalar whole(cosine > half ? 1 : cosine < -half ? -1 : 0);
     difference -= own * whole;
-    const Scalar rest = along_own(difference);
+    const Scalar rest = along_own(difference) * unit;
     difference -= own * rest;
     shared.share = whole + rest;
     shared.undone(0) = shared.share * undone;

@@ -188,8 +188,8 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
     }
   }
 
-  // One frame and nothing within: A'S = 0.
-  const bool annihilated = S::n_frames == 1 && n_put == 0;
+  // Whether A'S = 0 for what the bodies keep: of one frame, with nothing within but in rows of its own.
+  const bool freed = keeps_v ? moves : S::n_frames == 1 && n_put == 0;
   Eigen::Matrix<Scalar, n_i, n_i>& C = state.MbarR_inv_root;
   bool regular;
   if constexpr (keeps_v) {
@@ -298,7 +298,7 @@ void joint_inward(const Node& node, const S& s, NodeState<S>& state, Workspace& 
   const bool light = heaviest<S>(node, ws) > Scalar(inlet.outweighed) * ws.frame_body(node.inlet).root_mass;
   if (light || ws.rows(node.inlet).end() + count > (inlet.is_free ? inlet.loose_on_free : inlet.loose)) {
     from = within_from + n_put;
-    count = compress_left<room>(rest, count, hole, keeps_v || annihilated ? 6 - n_i : 6, compressed, tape, from);
+    count = compress_left<room>(rest, count, hole, freed ? 6 - n_i : 6, compressed, tape, from);
     hole = -1;
     is_compressed = true;
   }
