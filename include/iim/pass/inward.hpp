@@ -64,6 +64,8 @@ template <Scene scene, class S, class Workspace>
   constexpr int n_i = S::n_i;
   constexpr int n_frames = S::n_frames;
   constexpr int n_rotors = rotor_count<S>();
+  constexpr Mended small = mended_as<S, Workspace>();  // pivots
+  constexpr bool small_make_W = small == Mended::root || small == Mended::compound;
   using VectorI = Eigen::Matrix<Scalar, n_i, 1>;
   using Columns = SixColumns<Scalar, n_i>;
 
@@ -139,7 +141,7 @@ template <Scene scene, class S, class Workspace>
   for (int d = 0; d < n_i; ++d) { hq(d) -= ws.load()(node.v + d); }
   bool weak = loses(D, scale);
   [[maybe_unused]] bool mended = false;
-  if constexpr (mends_pivots<S, Workspace>()) {
+  if constexpr (small == Mended::pivot) {
     if (weak) [[unlikely]] {
       const auto pivot = mended_pivot(node, state, D(0, 0), scale(0), hq(0), scene.velocity, ws.is_implicit(), ws);
       mended = ScalarTraits<Scalar>::is_positive(pivot.D);
@@ -164,7 +166,7 @@ template <Scene scene, class S, class Workspace>
   Eigen::Matrix<Scalar, n_i, n_i> D_inv;  // read back from the workspace it would wait for the store (inward loop 3 %)
   bool positive = invert_spd<Scalar, n_i>(D, scale, state.MbarR_inv_root, D_inv, mended);
   Columns W;
-  if constexpr (mends_roots<S, Workspace>()) {
+  if constexpr (small == Mended::root) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(2), Scalar(0)) && diagnosis.status == Status::ok &&
         !has_inertia_within<scene.implicit, S>(state, spun)) [[unlikely]] {
       mended = mend<pattern>(node, state.S_k[0], size[0], ws.is_implicit(), ws,
@@ -172,9 +174,8 @@ template <Scene scene, class S, class Workspace>
       weak = weak && !mended;
     }
   }
-  constexpr bool is_compound = mends_compounds<S, Workspace>();
   [[maybe_unused]] Columns V;
-  if constexpr (is_compound) {
+  if constexpr (small == Mended::compound) {
     if (is_weak(state.MbarR_inv_root, scale_of_A, Scalar(8), Scalar(0)) && diagnosis.status == Status::ok &&
         ws.axes().of(node.frame) == nullptr) [[unlikely]] {  // what is beyond stands in the world's axes
       mended =
@@ -183,7 +184,7 @@ template <Scene scene, class S, class Workspace>
     }
   }
   if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
-  if constexpr (mends_several<Workspace> && mends_any<S, Workspace>()) {
+  if constexpr (mends_several<Workspace> && n_frames == 1) {
     for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
   }
   if constexpr (!is_several<Scalar>) { state.MbarR = D; }
@@ -195,7 +196,7 @@ template <Scene scene, class S, class Workspace>
   }
 #pragma GCC unroll 8
   for (int d = 0; d < n_i; ++d) {
-    if (!((mends_roots<S, Workspace>() || is_compound) && mended)) [[likely]] {
+    if (!(small_make_W && mended)) [[likely]] {
       W[d] = U[0] * D_inv(d, 0);
 #pragma GCC unroll 8
       for (int e = 1; e < n_i; ++e) { W[d] += U[e] * D_inv(d, e); }
@@ -210,7 +211,7 @@ template <Scene scene, class S, class Workspace>
   if (node.inlet < 0) { return; }
 
   [[maybe_unused]] SpatialInertia<Scalar> reduced;
-  if constexpr (mends_pivots<S, Workspace>()) {
+  if constexpr (small == Mended::pivot) {
     if (mended) [[unlikely]] {
       const bool has_own = has_inertia_within<scene.implicit, S>(state, spun);
       SpatialInertia<Scalar> from;  // apart, so that A stays in registers where no pivot is mended
@@ -227,8 +228,8 @@ template <Scene scene, class S, class Workspace>
 
   // What the parent sees, before the shift to its own point.
   const auto passed_on = [&](std::size_t k) __attribute__((always_inline)) {
-    const SpatialInertia<Scalar>& A_k = !in_registers && mends_pivots<S, Workspace>() && mended ? reduced : A_of(k);
-    if constexpr (mends_roots<S, Workspace>() || is_compound) {
+    const SpatialInertia<Scalar>& A_k = !in_registers && small == Mended::pivot && mended ? reduced : A_of(k);
+    if constexpr (small_make_W) {
       return mended ? A_k : projected<pattern>(A_k, state.S_k[k], U_k[k], W);
     } else if constexpr (Workspace::update == Update::projected) {
       return projected<pattern>(A_k, state.S_k[k], U_k[k], W);
@@ -238,13 +239,13 @@ template <Scene scene, class S, class Workspace>
   };
   SpatialInertia<Scalar> A = passed_on(0);  // made, not assigned to: g++ copies through memory what is assigned
   for (std::size_t k = 1; k < n_frames; ++k) { A += passed_on(k); }
-  const bool all_passed_on = is_compound && mended;  // with what is within
+  const bool all_passed_on = small == Mended::compound && mended;  // with what is within
   if constexpr (n_rotors > 0) { hand_on_rotors<Workspace::update, S>(spun, W, all_passed_on, A, size[0]); }
   if constexpr (scene.implicit && Workspace::update == Update::projected) {
     if (!all_passed_on) [[likely]] { hand_on_springs<S>(state, W, A); }
   }
   if constexpr (Workspace::update == Update::printed) { subtract_product(U, W, A); }
-  if constexpr (is_compound) {
+  if constexpr (small == Mended::compound) {
     if (mended) [[unlikely]] { subtract_product(V, V, A); }
   }
 

@@ -15,14 +15,6 @@
 
 namespace iim::detail {
 
-/// Whether the steps of S do so.
-template <class S, class Data>
-constexpr bool mends_compounds()
-{
-  return mends_several<Data> && !is_free<S>() && S::n_i > 0 && S::n_i <= 6 && !mends_pivots<S, Data>() &&
-         !mends_roots<S, Data>();
-}
-
 /// To V = U C and W, and the root C and D⁻¹. scale: of D's diagonal. False, and all as it was, if that cannot be.
 template <class Scalar, int n, class Data>
 [[gnu::noinline]] bool mend_compound(const Node& node, const Eigen::Matrix<Scalar, n, n>& D,

@@ -52,15 +52,6 @@
 
 namespace iim::detail {
 
-/// Whether the steps of S do so: of joints that mended_pivot does not serve, with nothing within that has inertia of
-/// its own.
-template <class S, class Data>
-constexpr bool mends_roots()
-{
-  return mends_several<Data> && mends_any<S, Data>() && !mends_pivots<S, Data>() && S::n_i > 0 && S::n_i <= 6 &&
-         rotor_count<S>() == 0;
-}
-
 /// Whether a root C of M̄_R⁻¹ is to be mended: `scale` is more than `least` times one of its pivots, and what the
 /// roundings of this would be in M⁻¹ is not small beside the larger parts of it, not less than largest_inverse (0:
 /// whatever these are). (A biped without rotors has such a pivot of its base, least = 8, in two states of five, and in

@@ -66,18 +66,20 @@
 
 namespace iim::detail {
 
-/// Whether the steps of S may: of one frame.
+/// As what a subsystem's step inward mends small pivots.
+enum class Mended {
+  nothing,  ///< they stay; those of free frames: free_inward.hpp
+  pivot,    ///< of one frame that moves along a unit column: here
+  root,     ///< of one frame that moves otherwise, with no rotors: mended_root.hpp
+  compound  ///< of several frames, or with rotors: mended_compound.hpp
+};
 template <class S, class Data>
-constexpr bool mends_any()
+constexpr Mended mended_as()
 {
-  return mends<Data> && S::n_frames == 1 && !is_free<S>();
-}
-
-/// Whether the steps of S do so.
-template <class S, class Data>
-constexpr bool mends_pivots()
-{
-  return mends_any<S, Data>() && has_unit_column<S>();
+  if (!mends<Data> || is_free<S>() || S::n_i == 0) { return Mended::nothing; }
+  if (S::n_frames == 1 && has_unit_column<S>()) { return Mended::pivot; }
+  if (!mends_several<Data> || S::n_i > 6) { return Mended::nothing; }
+  return S::n_frames == 1 && rotor_count<S>() == 0 ? Mended::root : Mended::compound;
 }
 
 /// Column d of S, in all six rows.
