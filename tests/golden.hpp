@@ -28,8 +28,8 @@ inline constexpr std::array<const char*, 5> golden_models{"chain5", "chain20", "
 /// 9.1e-13: what every method has to keep on these models, 1e-12. Cholesky comes nearest: cond(M)·ε.
 inline constexpr double golden_bound = 4096 * std::numeric_limits<double>::epsilon();
 
-/// 5.7e-14: what methods keep that hold the error at a few ε (DESIGN.md 4); so many of them since a column of B̂ may be
-/// small beside the others, and its error is theirs.
+/// 5.7e-14: what methods keep that hold the error at a few ε; so many of them since a column of B̂ may be small beside
+/// the others, and its error is theirs.
 inline constexpr double few = 256 * std::numeric_limits<double>::epsilon();
 
 struct GoldenState {

@@ -131,7 +131,8 @@ inline double difference(const Eigen::Ref<const MatrixX<double>>& value,
   return (value - reference).norm() / reference.norm();
 }
 
-/// The O(n) methods against the global inverse, which shares no recursion with them; returns q̈₀ and B̂ of it.
+/// The recursions against each other, and against the global inverse, which shares none with them; returns q̈₀ and B̂ of
+/// it.
 template <Update update, class Tree>
 MatrixX<double> compare(const Tree& tree, test::Random& random)
 {

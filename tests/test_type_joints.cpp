@@ -57,7 +57,7 @@ Inputs<T> contacts_and_motors(const T& tree)
   return inputs;
 }
 
-/// A state with a base that turns; the link's coordinates from `q_link`.
+/// A state with a base that turns.
 template <class T>
 RandomState state_of(const T& tree, Random& random)
 {

@@ -4,7 +4,7 @@
 #pragma once
 
 #if defined(EIGEN_WORLD_VERSION)
-#error "peers_packaged.hpp must come before Eigen"
+#error "peers/packaged.hpp must come before Eigen"
 #endif
 
 #undef __AVX__

@@ -16,7 +16,7 @@
 
 namespace peers {
 
-enum class Command : std::uint8_t { model, result, seconds, quit };
+enum class Command : std::uint8_t { model, result, seconds };
 
 /// The other side is gone.
 struct Disconnected : std::runtime_error {

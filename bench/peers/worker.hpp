@@ -86,7 +86,6 @@ inline int serve(const Library& library, int argc, char** argv)
           channel.put(run(path, states.size(), channel.get<std::size_t>()));
           break;
         }
-        case Command::quit: return 0;
       }
     }
   } catch (const Disconnected&) {

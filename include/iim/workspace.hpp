@@ -79,7 +79,10 @@ public:
       this->places_.allocate(tree, update == Update::square_root, this->frames_);
     }
     find_numbers();
-    if constexpr (detail::refines<Data>) { this->bodies_beyond_.find_coaxial(tree, lines); }
+    if constexpr (detail::refines<Data>) {
+      this->bodies_beyond_.find_coaxial(tree, lines);
+      this->second_look_.find_planes(tree, facts);
+    }
   }
 
   explicit Workspace(const Tree&&) = delete;

@@ -3,6 +3,11 @@
 //     δx = M⁻¹ (τ − M x),        M x by the balance of each joint at the accelerations of all bodies, M⁻¹ by W and C
 //
 // and what the roundings of these sums may be in it.
+//
+// Where limbs begin with a plane, two parallel joints or more (parallel_axes.hpp), that lies obliquely, all of this is
+// in axes of the plane: what is held across it, a load's weight, has no share in what acts in it then. (Seven joints in
+// a plane under 10², 10⁴, 10⁶ times a link: q̈₀ 16, 6, 9 ε at most, in the world's axes 5400, 10⁵, 4·10⁷. Nine, of
+// which six are, under 10³, 10⁶, 10⁹: 240, 1000, 10⁶; 1500, 3·10⁵, 10⁸. Passes of such arms take up to twice as long.)
 #pragma once
 
 #include <iim/body.hpp>
@@ -13,6 +18,7 @@
 #include <iim/pass/free_axis.hpp>
 #include <iim/pass/joint_lines.hpp>
 #include <iim/pass/parallel_axes.hpp>
+#include <iim/pass/roundings.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
@@ -72,9 +78,14 @@ public:
     terms_.resize(at(most), Scalar(0));
   }
 
+  /// Once, if it is for what heavy bodies do: whose axes are turned.
+  [[gnu::cold]] void find_planes(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts)
+  {
+    axes_ = ParallelAxes<Scalar>::of_planes(tree, facts);
+  }
+
   Scalar& load(Index v) { return load_[at(v)]; }                  ///< τ
-  Scalar& x(Index v) { return x_[at(v)]; }                        ///< acceleration
-  Pair& x_of(Index f) { return accelerations_[at(f)]; }           ///< of a frame, at its coupling point
+  const Scalar& x(Index v) const { return x_[at(v)]; }            ///< acceleration
   const Scalar& change(Index v) const { return change_[at(v)]; }  ///< δx
   /// Times ε: how large roundings in δx may be, as far as W y and the terms of h tell.
   const Scalar& unseen(Index v) const { return unseen_[at(v)]; }
@@ -90,23 +101,32 @@ public:
   template <bool judged = true, class Data, class Apply>
   void compute(bool velocity, bool gravity, bool springs, Data& ws, Apply&& apply)
   {
+    const bool turned = axes_.turned();
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       const FrameState<Scalar>& frame = ws.frame(f);
+      const auto* const axes = turned ? axes_of(f, ws) : nullptr;
       const Pair wrench =
-          body_wrench(velocity, ws.tree().frame_mass(f), frame.R, Triple<Scalar>::settled(frame.r.data()),
-                      Triple<Scalar>::settled(frame.omega.data()), accelerations_[at(f)]);
+          axes != nullptr
+              ? turned_body_wrench(velocity, ws.tree().frame_mass(f), *axes, frame, accelerations_[at(f)])
+              : body_wrench(velocity, ws.tree().frame_mass(f), frame.R, Triple<Scalar>::settled(frame.r.data()),
+                            Triple<Scalar>::settled(frame.omega.data()), accelerations_[at(f)]);
       forces_[at(f)] = wrench;
       moves_[at(f)] = none();
       if constexpr (judged) { sizes_[at(f)] = Sizes(wrench); }
     }
     apply([&](Index frame, const Vector6<Scalar>& wrench) {
-      forces_[at(frame)] -= Pair(wrench.data());
-      if constexpr (judged) { sizes_[at(frame)] += Sizes(Pair(wrench.data())); }
+      const Pair applied = from_world(axes_of(frame, ws), Pair(wrench.data()));
+      forces_[at(frame)] -= applied;
+      if constexpr (judged) { sizes_[at(frame)] += Sizes(applied); }
     });
     for (const FreeAxis<Scalar>& axis : ws.free_axes()) {
       if (keeps_apart<Data>(axis)) { along(axis) = dot(axis_of(axis, ws), forces_[at(axis.frame)]); }
     }
-    const auto is_single = [&](Index i) { return !judged && ws.bodies_beyond().part(i).is_single(); };
+    const auto is_single = [&](Index i) {
+      const Node& node = ws.tree().node(i);
+      return !judged && ws.bodies_beyond().part(i).is_single() && axes_of(node.frame, ws) == nullptr &&
+             axes_of(node.inlet, ws) == nullptr;
+    };
     for (Index i = ws.tree().size(); i-- > 0;) {
       const Node& node = ws.tree().node(i);
       if (is_single(i)) [[likely]] {
@@ -121,6 +141,24 @@ public:
       } else {
         follow<judged, false>(node, ws);
       }
+    }
+  }
+  /// Accelerations x, and those of all frames, from the workspace, and back to it.
+  template <class Data>
+  void take(Data& ws)
+  {
+    axes_.choose([&ws](Index f) -> const Matrix3<Scalar>& { return ws.frame(f).R; });
+    for (Index v = 0; v < ws.tree().n_v(); ++v) { x_[at(v)] = ws.qdd()(v); }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) {
+      accelerations_[at(f)] = from_world(axes_of(f, ws), Pair(ws.frame(f).Vdot.data()));
+    }
+  }
+  template <class Data>
+  void put(Data& ws) const
+  {
+    for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = x_[at(v)]; }
+    for (Index f = 0; f < ws.tree().n_frames(); ++f) {
+      to_world(axes_of(f, ws), accelerations_[at(f)]).put(ws.frame(f).Vdot.data());
     }
   }
   /// x += δx.
@@ -146,30 +184,121 @@ private:
     }
   };
 
+  /// Axes of what is on a frame; null: the world's. (A free frame's part has these.)
+  template <class Data>
+  const Matrix3<Scalar>* axes_of(Index f, Data& ws) const
+  {
+    if (f < 0 || !axes_.turned() || ws.bodies_beyond().part(ws.tree().owner(f)).is_free) [[likely]] { return nullptr; }
+    return axes_.of(f);
+  }
+  static Pair from_world(const Matrix3<Scalar>* axes, const Pair& x)
+  {
+    return axes == nullptr ? x : turned(*axes, false, x);
+  }
+  static Pair to_world(const Matrix3<Scalar>* axes, const Pair& x)
+  {
+    return axes == nullptr ? x : turned(*axes, true, x);
+  }
+
+  using Part = typename BodiesBeyond<Scalar>::Part;
+  /// A subsystem in the axes of its frame, `own`; of its inlet: `there`.
+  class Seen {
+  public:
+    Seen(const Part& part, const Matrix3<Scalar>* own_axes, const Matrix3<Scalar>* inlet_axes)
+        : own(own_axes), there(inlet_axes), part_(&part)
+    {
+      if (own != nullptr) { turn(); }
+    }
+    const Part& part() const { return *part_; }
+    Pair from_inlet(const Pair& x) const { return own == there ? x : from_world(own, to_world(there, x)); }
+    Pair to_inlet(const Pair& x) const { return own == there ? x : from_world(there, to_world(own, x)); }
+
+    const Matrix3<Scalar>*own, *there;
+
+  private:
+    /// What belongs to a group has one frame, and one velocity at most.
+    [[gnu::noinline]] void turn()
+    {
+      turned_ = *part_;
+      const TransposedRotation<Scalar> into(*own);
+      R_ = *part_->R;
+      r_ = *part_->r;
+      turn_each(into, R_.data(), 3);
+      turn_each(into, r_.data(), 1);
+      turned_.R = &R_;
+      turned_.r = &r_;
+      if (part_->n_i > 0) {
+        turned(*own, false, part_->gain(0)).put(W_.data());
+        const Pair S = turned(*own, false, part_->column(0, 0));
+        Pair(tidy(S.linear), tidy(S.angular)).put(S_.data());
+        turned_.W = W_.data();
+        turned_.S = S_.data();
+      }
+      part_ = &turned_;
+    }
+    /// Without components that are roundings: the group's direction is one of its axes.
+    static Triple<Scalar> tidy(const Triple<Scalar>& x)
+    {
+      const Scalar zero(0), least = largest_of(x) * (Scalar(16) * Eigen::NumTraits<Scalar>::epsilon());
+      const auto component = [&](int k) { return if_greater(magnitude(x(k)), least, Scalar(x(k)), zero); };
+      return {component(0), component(1), component(2)};
+    }
+
+    const Part* part_;
+    Part turned_;
+    Matrix3<Scalar> R_;
+    Vector3<Scalar> r_;
+    Vector6<Scalar> S_, W_;
+  };
+  /// Where all is in the world's axes.
+  struct SeenFromWorld {
+    const Part& part_;
+    const Part& part() const { return part_; }
+  };
+  template <bool single, class Data>
+  auto see(const Node& node, Data& ws) const
+  {
+    const Part& part = ws.bodies_beyond().part(node.index);
+    if constexpr (single) {
+      return SeenFromWorld{part};
+    } else {
+      return Seen(part, axes_of(node.frame, ws), axes_of(node.inlet, ws));
+    }
+  }
+
   /// What the equations of motion leave at a subsystem, those beyond it done: forces of all bodies to its inlet, h =
   /// Bu − h − M q̈ of its velocities; and M⁻¹ of it on the way inward, `move` being the wrench that h makes there.
   /// single: of one velocity and one frame, which compilers then know (a quarter less of all this).
   template <bool judged, bool single, class Data>
   void balance(const Node& node, bool velocity, bool gravity, bool springs, Data& ws)
   {
-    const auto& part = ws.bodies_beyond().part(node.index);
+    const auto seen = see<single>(node, ws);
+    const Part& part = seen.part();
     const int n = single ? 1 : part.n_i, n_frames = single ? 1 : part.n_frames;
     const Triple<Scalar> zero = none().linear;
     Pair y = none(), to_inlet = y, wrench_to_inlet = y;
     Triple<Scalar> omega = zero;  // of the inlet
     if (node.inlet >= 0) {
-      y = shifted(part.place(), accelerations_[at(node.inlet)]);
+      y = accelerations_[at(node.inlet)];
+      if constexpr (!single) { y = seen.from_inlet(y); }
+      y = shifted(part.place(), y);
       if (velocity) {
         omega = Triple<Scalar>::settled(ws.frame(node.inlet).omega.data());
+        if constexpr (!single) { omega = from_world(seen.own, Pair(zero, omega)).angular; }
         y.linear += cross(omega, cross(omega, part.place()));
       }
     } else if (gravity) {
       const Vector3<Scalar>& g = ws.tree().gravity();
       y.linear = Triple<Scalar>(-g(0), -g(1), -g(2));
+      if constexpr (!single) { y = from_world(seen.own, y); }
     }
     Scalar* const h = change_.data() + node.v;
     for (int d = 0; d < n; ++d) { h[d] = load_[at(node.v + d)]; }
-    if (part.has_within) { balance_within(node, y, omega, judged, velocity, springs, ws, to_inlet); }
+    if (part.has_within) {
+      const Matrix3<Scalar>* own = nullptr;
+      if constexpr (!single) { own = seen.own; }
+      balance_within(node, own, y, omega, judged, velocity, springs, ws, to_inlet);
+    }
     to_inlet += body_wrench(velocity, ws.tree().inlet_mass(node.index), *part.R, zero, omega, y);
     const FreeLimb<Scalar>* const limb = ws.free_limb(node.index);
     Scalar of_limb(0);  // along the axis, what is on the inlet
@@ -191,7 +320,7 @@ private:
       const auto* const coaxial = ws.bodies_beyond().coaxial(node, springs, ws);
       for (int d = 0; d < n; ++d) {
         const Pair S = part.column(k, d);
-        h[d] -= coaxial ? coaxial->load(load_.data(), ws.tree()) + along_own(node, part, S, velocity, ws) : dot(S, all);
+        h[d] -= coaxial ? coaxial->load(load_.data(), ws.tree()) + along_own(node, velocity, ws) : dot(S, all);
         if constexpr (judged) {
           terms[d] += largest_of(S.linear) * of_frame.force + largest_of(S.angular) * of_frame.moment;
         }
@@ -221,6 +350,10 @@ private:
     if (node.inlet < 0 || part.is_free) { return; }
     to_inlet = moved(part.place(), to_inlet);
     wrench_to_inlet = moved(part.place(), wrench_to_inlet);
+    if constexpr (!single) {
+      to_inlet = seen.to_inlet(to_inlet);
+      wrench_to_inlet = seen.to_inlet(wrench_to_inlet);
+    }
     forces_[at(node.inlet)] += to_inlet;
     moves_[at(node.inlet)] += wrench_to_inlet;
     if (ws.bodies_beyond().part(node.parent).is_free) { add_along_axis(node, of_limb, to_inlet, wrench_to_inlet, ws); }
@@ -230,11 +363,12 @@ private:
     }
   }
 
-  /// Rotors, and springs of an implicit step: to h, and to the inlet or the frame that carries them. y, omega: of the
-  /// inlet.
+  /// Rotors, and springs of an implicit step: to h, and to the inlet or the frame that carries them. own: the frame's
+  /// axes; y, omega: of the inlet, in these.
   template <class Data>
-  [[gnu::noinline]] void balance_within(const Node& node, const Pair& y, const Triple<Scalar>& omega, bool judged,
-                                        bool velocity, bool springs, Data& ws, Pair& to_inlet)
+  [[gnu::noinline]] void balance_within(const Node& node, const Matrix3<Scalar>* own, const Pair& y,
+                                        const Triple<Scalar>& omega, bool judged, bool velocity, bool springs, Data& ws,
+                                        Pair& to_inlet)
   {
     const auto& part = ws.bodies_beyond().part(node.index);
     Scalar* const h = change_.data() + node.v;
@@ -248,13 +382,15 @@ private:
       const Index frame = node.frame + std::max(rotor.frame, 0);
       const FrameState<Scalar>& f = ws.frame(frame);
       Triple<Scalar> axis = zero;
-      if (rotor.coupled) { axis = combined(on_inlet ? *part.R : f.R, triple(rotor.axis)); }
+      if (rotor.coupled) {
+        axis = from_world(own, Pair(zero, combined(on_inlet ? *part.R : f.R, triple(rotor.axis)))).angular;
+      }
       const Triple<Scalar> turning = on_inlet ? y.angular : accelerations_[at(frame)].angular;
       const Scalar force = rotor.inertia * (dot(axis, turning) + product_of(ratio, x, part.n_i));
       resist(force, ratio);
       Triple<Scalar> moment = axis * force;
       if (velocity) {
-        const Triple<Scalar> w = on_inlet ? omega : triple(f.omega);
+        const Triple<Scalar> w = on_inlet ? omega : from_world(own, Pair(zero, triple(f.omega))).angular;
         moment += cross(w, axis) * (rotor.inertia * (dot(axis, w) + product_of(ratio, part.qd, part.n_i)));
       }
       if (on_inlet) {
@@ -281,12 +417,14 @@ private:
 
   /// What passes through a child about the same axis has its load along S, but for roundings (weak_pivot.hpp): of the
   /// rest.
-  template <class Part, class Data>
-  [[gnu::noinline]] Scalar along_own(const Node& node, const Part& part, const Pair& S, bool velocity, const Data& ws)
+  template <class Data>
+  [[gnu::noinline]] Scalar along_own(const Node& node, bool velocity, Data& ws)
   {
+    const Part& part = ws.bodies_beyond().part(node.index);
     const FrameState<Scalar>& f = ws.frame(node.frame);
     const Pair U{combined(f.R, part.own->linear), combined(f.R, part.own->angular)};
-    return along_column(ws.tree().frame_mass(node.frame), f, S, U, accelerations_[at(node.frame)], velocity);
+    const Pair Vdot = to_world(axes_of(node.frame, ws), accelerations_[at(node.frame)]);
+    return along_column(ws.tree().frame_mass(node.frame), f, part.column(0, 0), U, Vdot, velocity);
   }
 
   /// S of a free frame's axis about its coupling point, in world axes.
@@ -338,12 +476,15 @@ private:
   template <bool judged, bool single, class Data>
   void follow(const Node& node, Data& ws)
   {
-    const auto& part = ws.bodies_beyond().part(node.index);
+    const auto seen = see<single>(node, ws);
+    const Part& part = seen.part();
     const int n = single ? 1 : part.n_i, n_frames = single ? 1 : part.n_frames;
     Pair y = none();
     Scalar size(0);
     if (node.inlet >= 0) {
-      y = shifted(part.place(), moves_[at(node.inlet)]);
+      y = moves_[at(node.inlet)];
+      if constexpr (!single) { y = seen.from_inlet(y); }
+      y = shifted(part.place(), y);
       if constexpr (judged) { size = sizes_[at(node.inlet)].acceleration; }
     }
     // A free body within a tree stands still while its inlet moves: q̈ is a difference of which nothing may be left.
@@ -390,7 +531,18 @@ private:
     if (velocity) { moved.add_centripetal(body, omega); }
     return moved.wrench(body);
   }
+  /// The same in other axes, those of `accelerations`.
+  [[gnu::noinline]] static Pair turned_body_wrench(bool velocity, const FrameMass<Scalar>& body,
+                                                   const Matrix3<Scalar>& axes, const FrameState<Scalar>& frame,
+                                                   const Pair& Vdot)
+  {
+    Matrix3<Scalar> R = frame.R;
+    turn_each(TransposedRotation<Scalar>(axes), R.data(), 3);
+    const Pair r_omega = from_world(&axes, Pair(triple(frame.r), triple(frame.omega)));
+    return body_wrench(velocity, body, R, r_omega.linear, r_omega.angular, Vdot);
+  }
 
+  ParallelAxes<Scalar> axes_;
   Array<Scalar> load_, x_, change_, unseen_;    // of velocities
   Array<Pair> accelerations_, forces_, moves_;  // of frames
   Array<Scalar> along_;                         // of free ones: Sᵀ of what is on them

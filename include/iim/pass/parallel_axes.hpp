@@ -145,44 +145,28 @@ public:
   [[gnu::cold]] ParallelAxes(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts, bool thin_limbs)
       : group_(static_cast<std::size_t>(tree.n_frames()), -1)
   {
-    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
-    Array<Vector3<Scalar>> axis(group_.size());
-    Limbs limbs(at(tree.size()));
-    for (const Node& node : tree.nodes()) {
-      const TypeFacts<Scalar>& part = facts[at(node.index)];
-      Limb& limb = limbs[at(node.index)];
-      if (node.parent >= 0) { limb = limbs[at(node.parent)]; }
-      if (part.is_free) {
-        limb.velocities = Scalar(part.velocities);
-      } else if (limb.first < 0) {
-        limb.first = node.index;
-      }
-      if (!part.shares_axes) { continue; }
-      const Index of_inlet = node.inlet < 0 ? -1 : group_[at(node.inlet)];
-      Index& own = group_[at(node.frame)];
-      Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
-      if (of_inlet >= 0) { inherited = transposed_times(tree.placement(node.index).R, axis[at(node.inlet)]); }
-      if (!part.turns_about_axis) {
-        axis[at(node.frame)] = inherited;
-        own = of_inlet;
-        continue;
-      }
-      axis[at(node.frame)] = part.axis;
-      const bool joins = of_inlet >= 0 && nearly_zero(cross(part.axis, inherited));
-      own = joins ? of_inlet : static_cast<Index>(groups_.size());
-      if (!joins) {
-        groups_.push_back({.axis = part.axis, .own = with_axis(part.axis), .frame = node.frame, .limb = limb.first});
-      }
-      ++groups_[at(own)].joints;
-      limb.velocities += Scalar(1);
-      if (node.index != limb.first) { limb.thinness += part.thinness; }
-      const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
-      if (thin_limbs && ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
-        limbs[at(limb.first)].thin = true;
-      }
-    }
+    const Limbs limbs = find_groups(tree, facts, thin_limbs);
     join_free(tree, facts);
-    keep_needed(limbs);
+    keep([&](const Group& group) {
+      return group.joints >= fewest_joints || limbs[static_cast<std::size_t>(group.limb)].thin;
+    });
+  }
+  /// Those of two joints and more, which nothing but slides and free bodies moves: across their plane they hold what
+  /// they carry.
+  [[gnu::cold]] static ParallelAxes of_planes(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts)
+  {
+    ParallelAxes planes;
+    planes.group_.assign(static_cast<std::size_t>(tree.n_frames()), -1);
+    planes.find_groups(tree, facts, false);
+    planes.keep([&](const Group& group) {
+      bool holds = group.joints >= 2;
+      for (Index i = tree.node(tree.owner(group.frame)).parent; i >= 0; i = tree.node(i).parent) {
+        const TypeFacts<Scalar>& part = facts[static_cast<std::size_t>(i)];
+        holds = holds && (part.is_free || part.velocities == 0 || (part.shares_axes && !part.turns_about_axis));
+      }
+      return holds;
+    });
+    return planes;
   }
 
   /// Whether any group is turned.
@@ -228,6 +212,48 @@ private:
     bool thin = false;                                    ///< of the first: whether some joint of the limb loses digits
   };
   using Limbs = Array<Limb>;
+
+  /// Groups of one joint and more; the limbs, by their first subsystem.
+  [[gnu::cold]] Limbs find_groups(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts, bool thin_limbs)
+  {
+    const auto at = [](Index k) { return static_cast<std::size_t>(k); };
+    Array<Vector3<Scalar>> axis(group_.size());
+    Limbs limbs(at(tree.size()));
+    for (const Node& node : tree.nodes()) {
+      const TypeFacts<Scalar>& part = facts[at(node.index)];
+      Limb& limb = limbs[at(node.index)];
+      if (node.parent >= 0) { limb = limbs[at(node.parent)]; }
+      if (part.is_free) {
+        limb.velocities = Scalar(part.velocities);
+      } else if (limb.first < 0) {
+        limb.first = node.index;
+      }
+      if (!part.shares_axes) { continue; }
+      const Index of_inlet = node.inlet < 0 ? -1 : group_[at(node.inlet)];
+      Index& own = group_[at(node.frame)];
+      Vector3<Scalar> inherited(Scalar(0), Scalar(0), Scalar(0));
+      if (of_inlet >= 0) { inherited = transposed_times(tree.placement(node.index).R, axis[at(node.inlet)]); }
+      if (!part.turns_about_axis) {
+        axis[at(node.frame)] = inherited;
+        own = of_inlet;
+        continue;
+      }
+      axis[at(node.frame)] = part.axis;
+      const bool joins = of_inlet >= 0 && nearly_zero(cross(part.axis, inherited));
+      own = joins ? of_inlet : static_cast<Index>(groups_.size());
+      if (!joins) {
+        groups_.push_back({.axis = part.axis, .own = with_axis(part.axis), .frame = node.frame, .limb = limb.first});
+      }
+      ++groups_[at(own)].joints;
+      limb.velocities += Scalar(1);
+      if (node.index != limb.first) { limb.thinness += part.thinness; }
+      const Scalar loss = limb.thinness * limb.velocities * limb.velocities;
+      if (thin_limbs && ScalarTraits<Scalar>::is_positive(loss - Scalar(most_thinness))) {
+        limbs[at(limb.first)].thin = true;
+      }
+    }
+    return limbs;
+  }
 
   /// To some digits: a joint that is not quite parallel may keep its inertia in any axes.
   static bool nearly_zero(const Vector3<Scalar>& a)
@@ -277,15 +303,16 @@ private:
     }
   }
 
-  /// Groups of many joints, and all on thin limbs.
-  [[gnu::cold]] void keep_needed(const Limbs& limbs)
+  /// Of the groups those that are needed(group).
+  template <class Needed>
+  [[gnu::cold]] void keep(Needed&& needed)
   {
     Array<Index> number;
     Array<Group> kept;
     for (const Group& group : groups_) {
-      const bool needed = group.joints >= fewest_joints || limbs[static_cast<std::size_t>(group.limb)].thin;
-      number.push_back(needed ? static_cast<Index>(kept.size()) : Index(-1));
-      if (needed) { kept.push_back(group); }
+      const bool stays = needed(group);
+      number.push_back(stays ? static_cast<Index>(kept.size()) : Index(-1));
+      if (stays) { kept.push_back(group); }
     }
     for (Index& group : group_) {
       if (group >= 0) { group = number[static_cast<std::size_t>(group)]; }

@@ -74,6 +74,11 @@ public:
     for (const Node& node : tree.nodes()) { most = std::max(most, tree.velocities(node.index)); }
     residual_.allocate(tree.n_frames(), tree.n_v(), most);
   }
+  /// Where there is anything heavy, which it is for.
+  [[gnu::cold]] void find_planes(const TreeData<Scalar>& tree, const Array<TypeFacts<Scalar>>& facts)
+  {
+    if (has_heavy()) { residual_.find_planes(tree, facts); }
+  }
   /// Before a pass.
   void clear()
   {
@@ -174,7 +179,7 @@ public:
         if (!is_finite(residual_.x(v))) { return true; }  // near overflow q̈ stays as it is
       }
     }
-    put(ws);
+    residual_.put(ws);
     return true;
   }
 
@@ -204,9 +209,8 @@ public:
     if (is_below_or_zero(first, small)) { return; }
     residual_.add_change();
     residual_.template compute<false>(velocity, gravity, false, ws, wrenches());
-    if (are_finite(change, second) && is_below_or_zero(second, Scalar(first * Scalar(0.25)))) { put(ws); }
+    if (are_finite(change, second) && is_below_or_zero(second, Scalar(first * Scalar(0.25)))) { residual_.put(ws); }
   }
-
   /// After refine: the first of the small pivots in the robot that is wrong.
   Index first() const
   {
@@ -217,23 +221,12 @@ public:
   }
 
 private:
-  /// What a pass has found, to residual_, and back.
+  /// What a pass has found, to residual_.
   template <class Data>
-  void take(const Data& ws)
+  void take(Data& ws)
   {
-    for (Index v = 0; v < ws.tree().n_v(); ++v) {
-      residual_.load(v) = ws.load()(v);
-      residual_.x(v) = ws.qdd()(v);
-    }
-    for (Index f = 0; f < ws.tree().n_frames(); ++f) {
-      residual_.x_of(f) = TriplePair<Scalar>(ws.frame(f).Vdot.data());
-    }
-  }
-  template <class Data>
-  void put(Data& ws)
-  {
-    for (Index v = 0; v < ws.tree().n_v(); ++v) { ws.qdd()(v) = residual_.x(v); }
-    for (Index f = 0; f < ws.tree().n_frames(); ++f) { residual_.x_of(f).put(ws.frame(f).Vdot.data()); }
+    for (Index v = 0; v < ws.tree().n_v(); ++v) { residual_.load(v) = ws.load()(v); }
+    residual_.take(ws);
   }
   /// Of what is applied to frames.
   auto wrenches() const

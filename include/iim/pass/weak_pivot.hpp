@@ -181,8 +181,7 @@ template <class Scalar, class Data>
   }
   if (in_group != nullptr) [[unlikely]] { U = turned(*in_group, false, U); }
   U += own.U;
-  // What the equations of motion leave has the roundings of what is held across a group's plane.
-  if (in_group == nullptr) { ws.second_look().note_mended_pivot(sum.G, scale); }
+  ws.second_look().note_mended_pivot(sum.G, scale);
   return {U, sum.G};
 }
 
