@@ -281,6 +281,50 @@ TEST_CASE("screws and hinges whose coordinates have other units than rad and m")
   }
 }
 
+TEST_CASE("of which unit a coordinate is does not matter to a bit")
+{
+  for (const double load : {1.0, 1e3, 1e7}) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      CAPTURE(load, seed);
+      const auto dynamics = [&](double unit) {
+        test::Random random(seed);
+        const Parts parts = chain(7, random, [&](Parts& all, const std::string& name, const auto& on) {
+          Body<double> body = random.body();
+          if (name == "last") {
+            body.mass *= load;
+            body.inertia *= load;
+          }
+          if (random.chance(0.5)) {
+            all.add(name, on, Screw<double>{unit, unit * random.uniform(-1, 1), body});
+          } else {
+            all.add(name, on, Counted<double>{unit, body});
+          }
+        });
+        const DynamicTree tree(parts);
+        Inputs inputs(tree);
+        inputs.add_wrench("last");
+        Workspace ws(tree);
+        ImplicitInversion method(tree, inputs);
+        test::RandomState state = test::random_state(tree, 0, random);
+        const Index joints = 7;
+        state.q.tail(joints) /= unit;
+        state.qd.tail(joints) /= unit;
+        const auto result = method(forward_dynamics(state.q, state.qd, ws));
+        REQUIRE(result.ok());
+        // In the units of the first: q̈ of joints times `unit`, columns of their motors as well.
+        Eigen::MatrixXd all(tree.n_v(), 1 + result.Bhat.cols());
+        all << result.qdd0, result.Bhat;
+        all.bottomRows(joints) *= unit;
+        all.middleCols(1, joints) *= unit;
+        return all;
+      };
+      const Eigen::MatrixXd right = dynamics(2);  // of columns of length 1 some sums are others
+      CHECK((dynamics(0x1p20) - right).norm() == 0);
+      CHECK((dynamics(0x1p-20) - right).norm() == 0);
+    }
+  }
+}
+
 TEST_CASE("wheels that move no frame, and a fixed part of any pattern")
 {
   const auto robot = [](test::Random& random) {

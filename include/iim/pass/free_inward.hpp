@@ -264,7 +264,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
         strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k));
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
-    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse)) {
+    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse, axis.turning)) {
       positive = mend_free(node, axis, b, A_T, scale, ws.is_implicit(), positive, ws, C_T);
     }
   }

@@ -185,7 +185,14 @@ template <Scene scene, class S, class Workspace>
   }
   if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
   if constexpr (mends_several<Workspace> && n_frames == 1) {
-    for (int d = 0; d < n_i; ++d) { largest_inverse = std::max(largest_inverse, D_inv(d, d)); }
+    for (int d = 0; d < n_i; ++d) {  // by how the frame moves, whatever the coordinate's unit is
+      Scalar moved = D_inv(d, d);
+      if constexpr (!has_unit_column<S>()) {
+        const TriplePair<Scalar> column = column_of<pattern>(state.S_k[0], d);
+        moved *= dot(column, column);
+      }
+      largest_inverse = std::max(largest_inverse, moved);
+    }
   }
   if constexpr (!is_several<Scalar>) { state.MbarR = D; }
   state.MbarR_inv = D_inv;

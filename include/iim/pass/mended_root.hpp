@@ -55,16 +55,20 @@ namespace iim::detail {
 /// Whether a root C of M̄_R⁻¹ is to be mended: `scale` is more than `least` times one of its pivots, and what the
 /// roundings of this would be in M⁻¹ is not small beside the larger parts of it, not less than largest_inverse (0:
 /// whatever these are). (A biped without rotors has such a pivot of its base, least = 8, in two states of five, and in
-/// one of 36 such that it would be seen; random chains on free bases keep the same digits.)
+/// one of 36 such that it would be seen; random chains on free bases keep the same digits.) unit_of_last: what the last
+/// row, a coordinate's, is to be multiplied by to compare with others.
 template <class Scalar, int n>
 bool is_weak(const Eigen::Matrix<Scalar, n, n>& C, const Eigen::Matrix<Scalar, n, 1>& scale, const Scalar& least,
-             const Scalar& largest_inverse)
+             const Scalar& largest_inverse, const Scalar& unit_of_last = Scalar(1))
 {
   for (int k = 0; k < n; ++k) {
     const Scalar loss = C(k, k) * C(k, k) * scale(k);  // scale to pivot
     if (ScalarTraits<Scalar>::is_positive(least - loss)) { continue; }
     Scalar size(0);
-    for (int i = 0; i <= k; ++i) { size += C(i, k) * C(i, k); }
+    for (int i = 0; i <= k; ++i) {
+      const Scalar part = i == n - 1 ? Scalar(C(i, k) * unit_of_last) : C(i, k);
+      size += part * part;
+    }
     if (!ScalarTraits<Scalar>::is_positive(largest_inverse - Scalar(4) * loss * size)) { return true; }
   }
   return false;

@@ -28,6 +28,7 @@
 #include <iim/update.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 
 namespace iim::detail {
@@ -63,6 +64,7 @@ public:
     members_.resize(at(tree.size()));
     reach_.resize(at(tree.n_v()));
     off_.resize(at(tree.n_v()));
+    unit_.resize(at(tree.n_v()), Scalar(1));
     small_.reserve(at(tree.size()));
     touched_.reserve(at(tree.n_frames()));
     is_touched_.resize(at(tree.n_frames()), false);
@@ -135,7 +137,7 @@ public:
         for (Index v = node.v; v < node.v + ws.tree().velocities(node.index); ++v) {
           // Not all of one size: with 1 and −1 roundings cancelled for 55 of 20000 machines that have no M⁻¹.
           const double size = 1 + static_cast<double>((7 * v + 5 * time) % 8) / 8;
-          residual_.load(v) = Scalar(!moves ? 0 : v / time % 2 == 0 ? size : -size);
+          residual_.load(v) = Scalar(!moves ? 0 : v / time % 2 == 0 ? size : -size) * unit_[at(v)];
         }
         Member& own = members_[at(node.index)];
         own.is_judged = moves || time > 1;
@@ -192,12 +194,13 @@ public:
   [[gnu::cold, gnu::noinline]] void refine_root(bool velocity, bool gravity, Data& ws)
   {
     take(ws);
+    set_units(ws);
     Scalar all, first, second;                                   // the largest of them
     const auto are_finite = [&](const auto& of, Scalar& most) {  // near overflow q̈ stays as it is
       most = Scalar(0);
       for (Index v = 0; v < ws.tree().n_v(); ++v) {
         if (!is_finite(of(v))) { return false; }
-        most = larger(most, magnitude(of(v)));
+        most = larger(most, Scalar(magnitude(of(v)) * unit_[at(v)]));
       }
       return true;
     };
@@ -284,6 +287,27 @@ private:
       const bool begins = node.parent < 0 || ws.bodies_beyond().part(node.index).is_free;
       members_[at(node.index)].first = begins ? Index(node.index) : members_[at(node.parent)].first;
     }
+    set_units(ws);
+  }
+  /// So that accelerations of all velocities can be compared, whatever the units of coordinates are: how much each
+  /// moves a frame, or turns a rotor.
+  template <class Data>
+  void set_units(Data& ws)
+  {
+    using std::sqrt;
+    for (const Node& node : ws.tree().nodes()) {
+      const auto& part = ws.bodies_beyond().part(node.index);
+      for (int d = 0; d < part.n_i && !part.is_free; ++d) {
+        Scalar square(0);
+        for (int k = 0; k < part.n_frames; ++k) { square = larger(square, dot(part.column(k, d), part.column(k, d))); }
+        if (!ScalarTraits<Scalar>::is_positive(square)) {
+          ws.bodies_beyond().for_each_rotor(node.index, [&](const auto&, const Scalar* ratio) {
+            square = larger(square, Scalar(ratio[d] * ratio[d]));
+          });
+        }
+        unit_[at(node.v + d)] = ScalarTraits<Scalar>::is_positive(square) ? Scalar(sqrt(square)) : Scalar(1);
+      }
+    }
   }
   /// The inlet held, a load of 1 moves a joint by M̄_R⁻¹, and by no less where that can move, too.
   template <class Data>
@@ -330,13 +354,13 @@ private:
   {
     for (Member& robot : members_) { robot.x = robot.roundings = Scalar(0); }
     for_each_judged(ws, [&](Index v, const Member&, Member& robot) {
-      robot.x = larger(robot.x, magnitude(residual_.x(v)));
-      robot.roundings = larger(robot.roundings, roundings(v, uncertain));
+      robot.x = larger(robot.x, Scalar(magnitude(residual_.x(v)) * unit_[at(v)]));
+      robot.roundings = larger(robot.roundings, Scalar(roundings(v, uncertain) * unit_[at(v)]));
     });
     bool hold = true;
     for_each_judged(ws, [&](Index v, const Member& own, const Member& robot) {
       const Scalar limit = larger(Scalar(robot.x / Scalar(smaller)), robot.roundings);
-      if (!is_below_or_zero(residual_.change(v), limit)) { hold = note_wrong(own); }
+      if (!is_below_or_zero(Scalar(residual_.change(v) * unit_[at(v)]), limit)) { hold = note_wrong(own); }
     });
     return hold;
   }
@@ -370,6 +394,7 @@ private:
   Index wrong_ = 0;                 // a subsystem of which something does not hold
   Array<Member> members_;           // of subsystems
   Array<Scalar> reach_, off_;       // of velocities: the largest x and δx
+  Array<Scalar> unit_;              // of velocities
   MotionResidual<Scalar> residual_;
 };
 

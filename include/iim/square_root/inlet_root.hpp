@@ -108,8 +108,8 @@ template <class S, class Workspace>
   if (ws.frame_body(node.inlet).rows == BodyRoot<Scalar>::most_rows || !inlet.keeps_v) [[likely]] { return false; }
   const auto sum = [](const auto& x, int k) { return Scalar((abs(x(k)) + abs(x(k + 1))) + abs(x(k + 2))); };
   const Vector6<Scalar>& T = ws.shared_axis(node.index).difference;
-  const Scalar small(1e-3);
-  return !(sum(T, 3) > small) && !(sum(T, 0) > small * (sum(state.r, 0) + sum(inlet.S, 0)));
+  const Scalar small(1e-3), turning = sum(inlet.S, 3);  // per unit of the inlet's coordinate
+  return !(sum(T, 3) > small * turning) && !(sum(T, 0) > small * (sum(state.r, 0) * turning + sum(inlet.S, 0)));
 }
 
 /// Of axes that coincide the difference is roundings of what it is taken from, and so is v of the rows that are handed
