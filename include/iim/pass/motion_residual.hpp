@@ -143,11 +143,16 @@ public:
       }
     }
   }
+  /// Before all others at a state.
+  template <class Data>
+  void choose_axes(Data& ws)
+  {
+    axes_.choose([&ws](Index f) -> const Matrix3<Scalar>& { return ws.frame(f).R; });
+  }
   /// Accelerations x, and those of all frames, from the workspace, and back to it.
   template <class Data>
   void take(Data& ws)
   {
-    axes_.choose([&ws](Index f) -> const Matrix3<Scalar>& { return ws.frame(f).R; });
     for (Index v = 0; v < ws.tree().n_v(); ++v) { x_[at(v)] = ws.qdd()(v); }
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       accelerations_[at(f)] = from_world(axes_of(f, ws), Pair(ws.frame(f).Vdot.data()));
@@ -209,6 +214,8 @@ private:
     {
       if (own != nullptr) { turn(); }
     }
+    Seen(const Seen&) = delete;  // part_ may be within
+    Seen& operator=(const Seen&) = delete;
     const Part& part() const { return *part_; }
     Pair from_inlet(const Pair& x) const { return own == there ? x : from_world(own, to_world(there, x)); }
     Pair to_inlet(const Pair& x) const { return own == there ? x : from_world(there, to_world(own, x)); }
@@ -252,8 +259,8 @@ private:
   };
   /// Where all is in the world's axes.
   struct SeenFromWorld {
-    const Part& part_;
-    const Part& part() const { return part_; }
+    const Part& whole;
+    const Part& part() const { return whole; }
   };
   template <bool single, class Data>
   auto see(const Node& node, Data& ws) const

@@ -126,6 +126,7 @@ public:
   template <class Data>
   [[gnu::cold, gnu::noinline]] Index wrong_pivot(bool springs, Data& ws)
   {
+    residual_.choose_axes(ws);
     find_robots(ws);
     set_least_reach(ws);
     // A light free body is moved by loads on it, and on its joints, so much that nothing is seen of other errors: the
@@ -214,6 +215,7 @@ public:
     residual_.template compute<false>(velocity, gravity, false, ws, wrenches());
     if (are_finite(change, second) && is_below_or_zero(second, Scalar(first * Scalar(0.25)))) { residual_.put(ws); }
   }
+
   /// After refine: the first of the small pivots in the robot that is wrong.
   Index first() const
   {
@@ -229,6 +231,7 @@ private:
   void take(Data& ws)
   {
     for (Index v = 0; v < ws.tree().n_v(); ++v) { residual_.load(v) = ws.load()(v); }
+    residual_.choose_axes(ws);
     residual_.take(ws);
   }
   /// Of what is applied to frames.
@@ -309,7 +312,7 @@ private:
       }
     }
   }
-  /// The inlet held, a load of 1 moves a joint by M̄_R⁻¹, and by no less where that can move, too.
+  /// The inlet held, a load of 1 moves a joint by M̄_R⁻¹, and by no less where that can move, too. (1: of unit_.)
   template <class Data>
   void set_least_reach(Data& ws)
   {
@@ -322,6 +325,7 @@ private:
         for (int e = 0; !part.is_free && e < part.n_i; ++e) {
           reach += part.C[e * part.n_i + d] * part.C[e * part.n_i + d];
         }
+        reach *= unit_[at(node.v + d)];
       }
     }
   }
