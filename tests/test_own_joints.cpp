@@ -233,8 +233,8 @@ void check(Make&& make, double unit)
   }
   CHECK(projected.by_product < 512);  // 170 where the screws hardly turn, else 106
   CHECK(projected.by_sweep < 512);
-  CHECK(root.by_product < 128);  // 51
-  CHECK(root.by_sweep < 128);
+  CHECK(root.by_product < 512);  // there 50 to 171 by compiler, else 41
+  CHECK(root.by_sweep < 512);
 }
 
 /// On a free base or on the world, joints about, or along, one direction that lies obliquely in the world.
