@@ -185,13 +185,13 @@ template <Scene scene, class S, class Workspace>
   }
   if (!positive) [[unlikely]] { note_small_pivot(node, ws, diagnosis); }
   if constexpr (mends_several<Workspace> && n_frames == 1) {
-    for (int d = 0; d < n_i; ++d) {  // by how the frame moves, whatever the coordinate's unit is
-      Scalar moved = D_inv(d, d);
-      if constexpr (!has_unit_column<S>()) {
+    if constexpr (has_unit_column<S>()) {
+      largest_inverse = std::max(largest_inverse, D_inv(0, 0));
+    } else if (!ws.free_axes().empty()) {  // by how the frame moves, whatever the coordinate's unit is
+      for (int d = 0; d < n_i; ++d) {
         const TriplePair<Scalar> column = column_of<pattern>(state.S_k[0], d);
-        moved *= dot(column, column);
+        largest_inverse = std::max(largest_inverse, Scalar(D_inv(d, d) * dot(column, column)));
       }
-      largest_inverse = std::max(largest_inverse, moved);
     }
   }
   if constexpr (!is_several<Scalar>) { state.MbarR = D; }

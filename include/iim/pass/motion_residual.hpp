@@ -18,6 +18,7 @@
 #include <iim/pass/free_axis.hpp>
 #include <iim/pass/joint_lines.hpp>
 #include <iim/pass/parallel_axes.hpp>
+#include <iim/pass/part_in_axes.hpp>
 #include <iim/pass/roundings.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
@@ -28,23 +29,6 @@
 #include <cstddef>
 
 namespace iim::detail {
-
-/// |x|; of NaN NaN.
-template <class Scalar>
-Scalar magnitude(const Scalar& x)
-{
-  return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x);
-}
-template <class Scalar>
-Scalar largest_of(const Triple<Scalar>& x)
-{
-  return larger(magnitude(x(0)), larger(magnitude(x(1)), magnitude(x(2))));
-}
-template <class Scalar>
-Scalar largest_of(const TriplePair<Scalar>& x)
-{
-  return larger(largest_of(x.linear), largest_of(x.angular));
-}
 
 /// Whether a subsystem hangs on a free body, or on what is fixed to one.
 template <class Data>
@@ -61,6 +45,7 @@ bool is_on_free(const Node& node, Data& ws)
 template <class Scalar>
 class MotionResidual {
   using Pair = TriplePair<Scalar>;
+  using Part = typename BodiesBeyond<Scalar>::Part;
 
 public:
   /// most: velocities of a subsystem.
@@ -101,10 +86,9 @@ public:
   template <bool judged = true, class Data, class Apply>
   void compute(bool velocity, bool gravity, bool springs, Data& ws, Apply&& apply)
   {
-    const bool turned = axes_.turned();
     for (Index f = 0; f < ws.tree().n_frames(); ++f) {
       const FrameState<Scalar>& frame = ws.frame(f);
-      const auto* const axes = turned ? axes_of(f, ws) : nullptr;
+      const Matrix3<Scalar>* const axes = axes_of(f, ws);
       const Pair wrench =
           axes != nullptr
               ? turned_body_wrench(velocity, ws.tree().frame_mass(f), *axes, frame, accelerations_[at(f)])
@@ -196,80 +180,14 @@ private:
     if (f < 0 || !axes_.turned() || ws.bodies_beyond().part(ws.tree().owner(f)).is_free) [[likely]] { return nullptr; }
     return axes_.of(f);
   }
-  static Pair from_world(const Matrix3<Scalar>* axes, const Pair& x)
-  {
-    return axes == nullptr ? x : turned(*axes, false, x);
-  }
-  static Pair to_world(const Matrix3<Scalar>* axes, const Pair& x)
-  {
-    return axes == nullptr ? x : turned(*axes, true, x);
-  }
-
-  using Part = typename BodiesBeyond<Scalar>::Part;
-  /// A subsystem in the axes of its frame, `own`; of its inlet: `there`.
-  class Seen {
-  public:
-    Seen(const Part& part, const Matrix3<Scalar>* own_axes, const Matrix3<Scalar>* inlet_axes)
-        : own(own_axes), there(inlet_axes), part_(&part)
-    {
-      if (own != nullptr) { turn(); }
-    }
-    Seen(const Seen&) = delete;  // part_ may be within
-    Seen& operator=(const Seen&) = delete;
-    const Part& part() const { return *part_; }
-    Pair from_inlet(const Pair& x) const { return own == there ? x : from_world(own, to_world(there, x)); }
-    Pair to_inlet(const Pair& x) const { return own == there ? x : from_world(there, to_world(own, x)); }
-
-    const Matrix3<Scalar>*own, *there;
-
-  private:
-    /// What belongs to a group has one frame, and one velocity at most.
-    [[gnu::noinline]] void turn()
-    {
-      turned_ = *part_;
-      const TransposedRotation<Scalar> into(*own);
-      R_ = *part_->R;
-      r_ = *part_->r;
-      turn_each(into, R_.data(), 3);
-      turn_each(into, r_.data(), 1);
-      turned_.R = &R_;
-      turned_.r = &r_;
-      if (part_->n_i > 0) {
-        turned(*own, false, part_->gain(0)).put(W_.data());
-        const Pair S = turned(*own, false, part_->column(0, 0));
-        Pair(tidy(S.linear), tidy(S.angular)).put(S_.data());
-        turned_.W = W_.data();
-        turned_.S = S_.data();
-      }
-      part_ = &turned_;
-    }
-    /// Without components that are roundings: the group's direction is one of its axes.
-    static Triple<Scalar> tidy(const Triple<Scalar>& x)
-    {
-      const Scalar zero(0), least = largest_of(x) * (Scalar(16) * Eigen::NumTraits<Scalar>::epsilon());
-      const auto component = [&](int k) { return if_greater(magnitude(x(k)), least, Scalar(x(k)), zero); };
-      return {component(0), component(1), component(2)};
-    }
-
-    const Part* part_;
-    Part turned_;
-    Matrix3<Scalar> R_;
-    Vector3<Scalar> r_;
-    Vector6<Scalar> S_, W_;
-  };
-  /// Where all is in the world's axes.
-  struct SeenFromWorld {
-    const Part& whole;
-    const Part& part() const { return whole; }
-  };
   template <bool single, class Data>
   auto see(const Node& node, Data& ws) const
   {
     const Part& part = ws.bodies_beyond().part(node.index);
     if constexpr (single) {
-      return SeenFromWorld{part};
+      return PartAsItIs<Scalar>{part};
     } else {
-      return Seen(part, axes_of(node.frame, ws), axes_of(node.inlet, ws));
+      return PartInAxes<Scalar>(part, axes_of(node.frame, ws), axes_of(node.inlet, ws));
     }
   }
 

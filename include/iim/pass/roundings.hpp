@@ -72,6 +72,23 @@ template <class S>
   return along;
 }
 
+/// |x|; of NaN NaN.
+template <class Scalar>
+Scalar magnitude(const Scalar& x)
+{
+  return ScalarTraits<Scalar>::is_positive(x) ? x : Scalar(-x);
+}
+template <class Scalar>
+Scalar largest_of(const Triple<Scalar>& x)
+{
+  return larger(magnitude(x(0)), larger(magnitude(x(1)), magnitude(x(2))));
+}
+template <class Scalar>
+Scalar largest_of(const TriplePair<Scalar>& x)
+{
+  return larger(largest_of(x.linear), largest_of(x.angular));
+}
+
 /// a > b ? x : y. Lanes, which compare all or none, have their own.
 template <class Scalar>
 [[gnu::always_inline]] inline Scalar if_greater(const Scalar& a, const Scalar& b, const Scalar& x, const Scalar& y)

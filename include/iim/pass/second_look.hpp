@@ -21,6 +21,7 @@
 #include <iim/pass/bodies_beyond.hpp>
 #include <iim/pass/heavy_loads.hpp>
 #include <iim/pass/motion_residual.hpp>
+#include <iim/pass/roundings.hpp>
 #include <iim/scalar.hpp>
 #include <iim/spatial.hpp>
 #include <iim/subsystem.hpp>
