@@ -91,9 +91,9 @@ template <class Scalar, int n>
 
 /// Inverts D as D⁻¹ = C Cᵀ; otherwise as root_of_inverse.
 template <class Scalar, int n>
-bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D, const Eigen::Matrix<Scalar, n, 1>& scale,
-                Eigen::Matrix<Scalar, n, n>& C, Eigen::Matrix<Scalar, n, n>& D_inv,
-                [[maybe_unused]] bool mended = false)
+[[gnu::always_inline]] inline bool invert_spd(const Eigen::Matrix<Scalar, n, n>& D,
+                                              const Eigen::Matrix<Scalar, n, 1>& scale, Eigen::Matrix<Scalar, n, n>& C,
+                                              Eigen::Matrix<Scalar, n, n>& D_inv, [[maybe_unused]] bool mended = false)
 {
   using std::min;
   using std::sqrt;

@@ -75,12 +75,11 @@ template <class Scalar>
 
 /// Its own bodies.
 template <class S, bool velocity, class Scalar>
-[[gnu::always_inline]] inline Carried<Scalar> own_bodies(const FrameMass<Scalar>& body, const FrameState<Scalar>& f)
+[[gnu::always_inline]] inline void own_bodies(const FrameMass<Scalar>& body, const FrameState<Scalar>& f,
+                                              Carried<Scalar>& own)
 {
-  Carried<Scalar> own;
   place_bodies<is_placed_off<S>(), velocity>(body, f.R, Triple<Scalar>::settled(f.r.data()),
                                              Triple<Scalar>::settled(f.omega.data()), own.A, own.h);
-  return own;
 }
 template <class Scalar>
 [[gnu::always_inline]] inline void add_arrived(const FrameState<Scalar>& f, Carried<Scalar>& all)
@@ -94,7 +93,7 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::always_inline]] inline void keep(const Carried<Scalar>& all, FrameState<Scalar>& f)
 {
-  f.inertia().A = all.A;
+  copy(all.A, f.inertia().A);
   all.h.put(f.inertia().h.data());
 }
 
@@ -152,6 +151,33 @@ template <Scene scene, class S>
   if constexpr (has_bias<scene, S>(0)) { p += A.of_linear(ColumnPart<0, Scalar, 1>{f.bias, 0}); }
   if constexpr (has_bias<scene, S>(3)) { p += A.of_angular(ColumnPart<3, Scalar, 1>{f.bias, 0}); }
   return p;
+}
+
+/// Inertia A and wrench p about a coupling point, to the inlet's inertia and wrench. c: acceleration of the coupling
+/// point that comes with the inlet turning.
+template <Scene scene, class Scalar>
+[[gnu::always_inline]] inline void hand_on(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& wrench,
+                                           const Vector3<Scalar>& c, const Vector3<Scalar>& r,
+                                           FrameState<Scalar>& inlet)
+{
+  FrameInertia<Scalar>& there = inlet.inertia();
+  TriplePair<Scalar> p = wrench;
+  if constexpr (scene.velocity) { p += A.of_linear(c); }
+  p.angular += cross(Triple<Scalar>::settled(r.data()), p.linear);
+  if constexpr (is_several<Scalar>) {
+    there.A.add_shifted(A, r);
+    p += TriplePair<Scalar>(there.h.data());
+  } else {
+    SpatialInertia<Scalar> moved = A.shifted(r);
+    if (inlet.arrived) {
+      moved += there.A;
+      p += TriplePair<Scalar>(there.h.data());
+    } else {
+      clear_size(inlet);
+    }
+    there.A = moved;  // once: g++ copies through memory what either branch assigns (pass of a chain 15 % more)
+  }
+  p.put(there.h.data());
 }
 
 }  // namespace iim::detail

@@ -214,7 +214,7 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   if constexpr (is_several<Scalar>) {
     all = carried_at(f);
   } else {
-    all = own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame), f);
+    own_bodies<S, scene.velocity>(ws.tree().frame_mass(node.frame), f, all);
     complete_axis(all.A, all.h, axis);
     axis.size = {max(axis.size.linear, all.A.M.diagonal()), max(axis.size.angular, all.A.J.diagonal())};
     add_arrived(f, all);
