@@ -12,6 +12,8 @@
 
 #include "random_tree.hpp"
 
+#include <array>
+#include <cmath>
 #include <limits>
 
 using namespace iim;
@@ -224,4 +226,88 @@ TEST_CASE("springs that cannot be are refused by name")
   link.stiffness(0) = -5;
   CHECK_THROWS_WITH(DynamicTree(Robot().add("knee", {}, link)),
                     Catch::Matchers::ContainsSubstring("knee") && Catch::Matchers::ContainsSubstring("-5"));
+}
+
+TEST_CASE("the matrices of a step are the same after a pass in square-root form, which keeps springs' forces apart")
+{
+  constexpr Scene implicit{.implicit = true};
+  const Sample s = sample(3, 1e4);
+  const DynamicTree tree(s.robot);
+  using Tree = std::remove_const_t<decltype(tree)>;
+  const Inputs<Tree> inputs(tree);
+  test::Random draw(3);
+  const test::RandomState state = test::random_state(tree, 0, draw, 3.0);
+  Workspace<Tree> ws(tree);
+  Workspace<Tree, Update::square_root> root(tree);
+  const auto fd = implicit_step(state.q, state.qd, 0.01, ws);
+  const auto of_root = implicit_step(state.q, state.qd, 0.01, root);
+  EquationsOfMotion<Tree, implicit> equations(tree, inputs), equations_of_root(tree, inputs);
+  const auto expected = equations(fd), found = equations_of_root(of_root);
+  REQUIRE(found.ok());
+  CHECK(apart(found.M, expected.M) < 1000 * roundoff);
+  CHECK(apart(found.h, expected.h) < 1000 * roundoff);
+  GlobalInverse<Tree, Factorization::branch_sparse, implicit> global(tree, inputs), global_of_root(tree, inputs);
+  CHECK(apart(global_of_root(of_root).qdd0, global(fd).qdd0) < 1e6 * roundoff);
+  for (Index i = 0; i < tree.size(); ++i) {
+    const auto of_part = subsystem_matrices(fd, i), of_part_of_root = subsystem_matrices(of_root, i);
+    CHECK(apart(of_part_of_root.Mbar, of_part.Mbar) < 1000 * roundoff);
+    CHECK(apart(of_part_of_root.hbar, of_part.hbar) < 1000 * roundoff);
+  }
+}
+
+TEST_CASE("dampers that cannot be are refused, too")
+{
+  Link link;
+  link.body.mass = 1;
+  link.damping(0) = -7;
+  CHECK_THROWS_WITH(DynamicTree(Robot().add("knee", {}, link)),
+                    Catch::Matchers::ContainsSubstring("knee") && Catch::Matchers::ContainsSubstring("-7"));
+}
+
+namespace {
+
+/// A sprung link that rubs, with a spring of constant force: internal forces that springs() does not tell the change
+/// of.
+struct RubbingLink : Sprung<RevoluteLink<double>> {
+  using Sprung::Coordinates;
+  static constexpr double pull = 0.3;
+
+  Coordinates internal_force(const Coordinates& q, const Coordinates& qd) const
+  {
+    return Sprung::internal_force(q, qd) + Coordinates(pull + 0.7 * std::tanh(10 * qd(0)));
+  }
+  std::array<Spring<double, 1>, 2> springs(const Coordinates& q, const Coordinates& qd) const
+  {
+    return {Sprung::springs(q, qd)[0], {Coordinates(1), 0, 0, pull}};
+  }
+};
+
+template <Update update>
+void check_rubbing(double h)
+{
+  RubbingLink link;
+  link.joint.axis = test::Vec3::UnitZ();
+  link.body = {2, test::Vec3::Zero(), test::Vec3(0.5, 0.5, 0.5).asDiagonal(), false};
+  link.stiffness(0) = 300;
+  link.damping(0) = 4;
+  link.rest(0) = 0.2;
+  Assembly<RubbingLink> parts;
+  const DynamicTree tree(parts.add("link", {}, link));
+  Workspace<std::remove_const_t<decltype(tree)>, update> ws(tree);
+  const Eigen::Matrix<double, 1, 1> q(0.5), qd(0.3);
+  const auto fd = implicit_step(q, qd, h, ws);
+  REQUIRE(fd.ok());
+  const double force = 300 * (0.5 - 0.2) + 4 * 0.3 + 0.3 + 0.7 * std::tanh(3.0) + h * 300 * 0.3;
+  CHECK(std::abs(fd.qdd0()(0) / (-force / (0.5 + h * 4 + h * h * 300)) - 1) < 16 * roundoff);
+}
+
+}  // namespace
+
+TEST_CASE("what springs do not tell of internal forces is there in a step, as it is at its beginning")
+{
+  for (const double h : {0.0, 0.01}) {
+    check_rubbing<Update::projected>(h);
+    check_rubbing<Update::printed>(h);
+    check_rubbing<Update::square_root>(h);
+  }
 }

@@ -3,6 +3,7 @@
 #include "catch.hpp"
 #include "random_tree.hpp"
 
+#include <iim/models.hpp>
 #include <iim/task.hpp>
 
 #include <limits>
@@ -256,6 +257,19 @@ TEST_CASE("what a status is about, in words", "[inputs]")
   CHECK(describe(method(fd), tree) == describe(fd, tree));
   CHECK(describe(implicit_step(neutral(tree), qd, -1.0, ws), tree) ==
         "invalid state (a step's length negative or not finite)");
+}
+
+TEST_CASE("the same inputs on another tree are switched as these are")
+{
+  const StandardAssembly<double> assembly = models::chain<double>(3);
+  const DynamicTree tree(assembly);
+  const DynamicTree in_float(assembly.cast<float>());
+  Inputs inputs(tree);
+  inputs.set_active(1, false);
+  const auto other = inputs.on(in_float);
+  CHECK(other.columns() == 2);
+  CHECK(other.column(1) == -1);
+  CHECK(other.column(2) == 1);
 }
 
 }  // namespace test_inputs

@@ -51,4 +51,24 @@ TEST_CASE("the mechanism's bias is the acceleration that its motion has")
   }
 }
 
+TEST_CASE("M⁻¹ by recursion at one state after another is what it is at each alone")
+{
+  Random random(first_seed);
+  const DynamicTree tree(mechanism_robot(random));
+  using Tree = std::remove_const_t<decltype(tree)>;
+  const Inputs<Tree> inputs(tree);
+  Workspace<Tree> ws(tree);
+  RecursiveInverse<Tree> used(tree, inputs);
+  for (int k = 0; k < 5; ++k) {
+    CAPTURE(k);
+    const RandomState state = random_state(tree, inputs.columns(), random);
+    const auto fd = forward_dynamics(state.q, state.qd, ws);
+    RecursiveInverse<Tree> fresh(tree, inputs);
+    const auto again = used(fd), alone = fresh(fd);
+    REQUIRE(again.ok());
+    CHECK(used.Minv() == fresh.Minv());
+    CHECK(again.Bhat == alone.Bhat);
+  }
+}
+
 }  // namespace test_methods_types

@@ -8,6 +8,7 @@
 #include <iim/iim.hpp>
 #include <iim/recursive_inverse.hpp>
 #include <iim/several_states.hpp>
+#include <iim/subsystem/compound.hpp>
 #include <iim/task.hpp>
 #include <iim/unit_force.hpp>
 
@@ -199,6 +200,17 @@ TEST_CASE("a receipt of another Scene, for a method that computes terms of it")
   const auto fd = a.implicit();
   CHECK(is_mismatch(tasks(fd, method(fd))));
   CHECK(tasks_in_step(fd, method(fd)).ok());
+  // Each of the three parts of a scene counts.
+  constexpr Scene weightless{.gravity = false}, at_rest{.velocity = false};
+  Tasks<Tree, weightless> tasks_without_weight(a.tree, a.inputs);
+  Tasks<Tree, at_rest> tasks_at_rest(a.tree, a.inputs);
+  tasks_without_weight.add_point("hand");
+  tasks_at_rest.add_point("hand");
+  CHECK(is_mismatch(tasks_without_weight(a.pass())));
+  CHECK(is_mismatch(tasks_at_rest(a.pass())));
+  CHECK(tasks_without_weight(forward_dynamics<weightless>(a.state.q, a.state.qd, a.ws)).ok());
+  CHECK(is_mismatch(tasks_without_weight(forward_dynamics<at_rest>(a.state.q, a.state.qd, a.ws))));
+  CHECK(tasks_at_rest(forward_dynamics<at_rest>(a.state.q, a.state.qd, a.ws)).ok());
 }
 
 TEST_CASE("sizes of q, q̇ and u")
@@ -403,6 +415,48 @@ TEST_CASE("several states of another assembly")
   CHECK_NOTHROW(SeveralStates(robot(1), a.inputs));
   CHECK_THROWS_WITH(SeveralStates(robot(2), a.inputs), Catch::Matchers::ContainsSubstring("'hand'"));
   CHECK_THROWS_AS(SeveralStates(chain(3), a.inputs), ModelError);
+}
+
+TEST_CASE("several states of an assembly with another name, place, or body on an inlet or a second frame")
+{
+  using Drive = MotorArm<double>;
+  using Head = PanTilt<double>;
+  struct Machine {
+    std::string name = "head";
+    Matrix3<double> R = Matrix3<double>::Identity();
+    double at = 0.3, rotor = 0.2, tilted = 0.5;
+
+    Assembly<Drive, Head> assembly() const
+    {
+      const Body<double> body{1, {0, 0, 0.1}, Vector3<double>(0.1, 0.1, 0.01).asDiagonal(), false};
+      Assembly<Drive, Head> parts;
+      Motor<double> motor{10, 1e-4};
+      motor.mass = rotor;
+      motor.transverse_inertia = 1e-4;
+      parts.add("turret", {}, Drive{{}, body, motor});
+      Head head;
+      head.mechanism.axis[1] = Vector3<double>::UnitY();
+      head.body = {body, body};
+      head.body[1].mass = tilted;
+      parts.add(name, {"turret", R, {at, 0, 0}}, head);
+      return parts;
+    }
+  };
+  const Machine machine;
+  const DynamicTree tree(machine.assembly());
+  const Inputs inputs(tree);
+  CHECK_NOTHROW(SeveralStates(machine.assembly(), inputs));
+  const auto is_refused = [&](auto change) {
+    Machine other = machine;
+    change(other);
+    CHECK_THROWS_WITH(SeveralStates(other.assembly(), inputs),
+                      Catch::Matchers::ContainsSubstring("another name, place or body"));
+  };
+  is_refused([](Machine& other) { other.name = "tail"; });
+  is_refused([](Machine& other) { other.R = Eigen::AngleAxisd(1e-6, Vector3<double>::UnitX()).toRotationMatrix(); });
+  is_refused([](Machine& other) { other.at += 1e-6; });
+  is_refused([](Machine& other) { other.rotor += 1e-6; });
+  is_refused([](Machine& other) { other.tilted += 1e-6; });
 }
 
 }  // namespace test_mismatch

@@ -6,6 +6,7 @@
 #include "worst.hpp"
 
 #include <iim/iim.hpp>
+#include <iim/subsystem/sprung.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -206,4 +207,79 @@ TEST_CASE("double: the same under loads as heavy for it")
   const Count projected = count<double, Update::projected>(loaded_rods(1e14), 200, random);
   CHECK(projected.worst < 1e-10);
   CHECK(projected.ok >= 180);
+}
+
+TEST_CASE("nothing of a pass is left in the next one: inputs, weak pivots, the length of a step")
+{
+  const auto check = []<class Scalar>(Scalar, double load) {
+    const DynamicTree tree(loaded_rods(load).cast<Scalar>());
+    const DynamicTree for_states(loaded_rods(load));
+    using Tree = std::remove_const_t<decltype(tree)>;
+    Inputs<Tree> twice(tree, Start::empty), once(tree, Start::empty);
+    for (const char* frame : {"link6", "link3", "link6"}) { twice.add_wrench(frame); }
+    for (const char* frame : {"link6", "link3"}) { once.add_wrench(frame); }
+    Workspace<Tree> used(tree);
+    test::Random random(5);
+    for (int k = 0; k < 200; ++k) {
+      CAPTURE(load, k);
+      const test::RandomState state = test::random_state(for_states, 0, random);
+      const VectorX<Scalar> q = state.q.cast<Scalar>(), qd = state.qd.cast<Scalar>();
+      VectorX<Scalar> u = VectorX<Scalar>::LinSpaced(18, Scalar(-1), Scalar(1)) * Scalar(10 * load), sum = u.head(12);
+      sum.head(6) += u.tail(6);
+      const auto same = [&](auto&& pass) {
+        Workspace<Tree> fresh(tree);
+        const auto again = pass(used);
+        const VectorX<Scalar> qdd = again.second;
+        const auto expected = pass(fresh);
+        CHECK(again.first == expected.first);
+        if (expected.first == Status::ok) { CHECK(qdd == expected.second); }
+      };
+      using Result = std::pair<Status, VectorX<Scalar>>;
+      same([&](auto& ws) -> Result {
+        const auto result = forward_dynamics(q, qd, twice, u, ws);
+        return {result.status, result.qdd};
+      });
+      same([&](auto& ws) -> Result {
+        const auto fd = forward_dynamics(q, qd, ws);
+        return {fd.status(), fd.qdd0()};
+      });
+      // Two wrenches at one point are their sum.
+      Workspace<Tree> ws(tree), other(tree);
+      const auto of_two = forward_dynamics(q, qd, twice, u, ws);
+      const auto of_sum = forward_dynamics(q, qd, once, sum, other);
+      if (of_two.ok() && of_sum.ok()) { CHECK((of_two.qdd - of_sum.qdd).norm() <= Scalar(0.02) * of_sum.qdd.norm()); }
+    }
+  };
+  for (const double load : {20.0, 40.0, 100.0}) { check(1.0, load); }
+  check(1.0F, 1e5);
+}
+
+TEST_CASE("the springs of a step are no inertias in the pass after it")
+{
+  using Link = Sprung<RevoluteLink<double>>;
+  for (const double load : {20.0, 100.0, 1e4}) {
+    Assembly<Link> parts;
+    for (int i = 0; i < 7; ++i) {
+      Link link;
+      link.joint.axis = test::Vec3::Unit(i % 3);
+      link.body.mass = i == 6 ? load : 1;
+      link.body.com = test::Vec3(0, 0, -0.2);
+      link.body.inertia = 0.016 * link.body.mass * test::Vec3(1, 1, 0.1).asDiagonal();
+      link.stiffness(0) = 1e4;
+      link.damping(0) = 10;
+      Attachment<double> on;
+      if (i > 0) { on = {"link" + std::to_string(i - 1), test::Mat3::Identity(), {0.05, 0, -0.4}}; }
+      parts.add("link" + std::to_string(i), on, link);
+    }
+    const DynamicTree tree(parts);
+    Workspace used(tree);
+    test::Random random(6);
+    for (int k = 0; k < 100; ++k) {
+      CAPTURE(load, k);
+      const test::RandomState state = test::random_state(tree, 0, random);
+      CHECK(implicit_step(state.q, state.qd, 0.05, used).ok());
+      Workspace fresh(tree);
+      CHECK(forward_dynamics(state.q, state.qd, used).qdd0() == forward_dynamics(state.q, state.qd, fresh).qdd0());
+    }
+  }
 }

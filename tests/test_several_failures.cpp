@@ -5,6 +5,7 @@
 #include "several_states.hpp"
 
 #include <limits>
+#include <type_traits>
 
 namespace test_several_failures {
 
@@ -132,6 +133,47 @@ TEST_CASE("the assembly of a smaller robot is refused before its memory is read"
   CHECK_THROWS_AS(SeveralStates(smaller, robot.inputs), ModelError);
   const Tree other(smaller);
   CHECK_THROWS_AS(robot.inputs.on(other), ModelError);
+}
+
+TEST_CASE("accelerations see which inputs are active, and the scene of a pack of which a state is computed by itself",
+          "[several]")
+{
+  Robot robot;
+  const States<T> states(robot.tree, robot.inputs.columns(), many, robot.draw);
+  const Index n = robot.tree.n_v();
+  MatrixX<T> qdd(n, many);
+  std::vector<Outcome> outcomes(many);
+  const auto apart = [&](Index k, const VectorX<T>& expected) {
+    return (qdd.col(k) - expected).norm() / expected.norm();
+  };
+  Workspace<Tree> ws(robot.tree);
+  constexpr T close = test::limit * std::numeric_limits<T>::epsilon();
+
+  // No evaluate() in between, which looks for itself.
+  for (const Index off : {Index(0), robot.inputs.blocks() - 1}) {
+    robot.inputs.set_active(off, false);
+    const MatrixX<T> u = states.u.topRows(robot.inputs.columns());
+    CHECK(robot.several.accelerations(states.q, states.qd, u, qdd, outcomes) == 0);
+    for (const Index k : {Index(0), many - 1}) {
+      const VectorX<T> q = states.q.col(k), qd = states.qd.col(k), u_k = u.col(k);
+      CHECK(apart(k, forward_dynamics(q, qd, robot.inputs, u_k, ws).qdd) < close);
+    }
+    robot.inputs.set_active(off, true);
+  }
+
+  MatrixX<T> q = states.q;
+  q(robot.tree.n_q() - 1, 0) = NaN;  // so that those beside it are computed by themselves
+  const auto check_scene = [&]<Scene scene>(std::integral_constant<Scene, scene>) {
+    CHECK(robot.several.template accelerations<scene>(q, states.qd, states.u, qdd, outcomes) == 1);
+    MatrixX<T> qdd0(n, many), Bhat(n * robot.inputs.columns(), many);
+    CHECK(robot.several.template evaluate<scene>(q, states.qd, qdd0, Bhat, outcomes) == 1);
+    const VectorX<T> q_1 = q.col(1), qd_1 = states.qd.col(1), u_1 = states.u.col(1);
+    CHECK(apart(1, forward_dynamics<scene>(q_1, qd_1, robot.inputs, u_1, ws).qdd) < close);
+    const VectorX<T> expected = forward_dynamics<scene>(q_1, qd_1, ws).qdd0();
+    CHECK((qdd0.col(1) - expected).norm() < close * expected.norm());
+  };
+  check_scene(std::integral_constant<Scene, Scene{.velocity = false}>{});
+  check_scene(std::integral_constant<Scene, Scene{.gravity = false}>{});
 }
 
 }  // namespace test_several_failures

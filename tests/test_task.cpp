@@ -248,4 +248,25 @@ TEST_CASE("tasks say what is wrong with them", "[task]")
   REQUIRE_THROWS_WITH(none.add_momentum(), ContainsSubstring("momentum"));
 }
 
+TEST_CASE("an acceleration of a point that overflows is a status", "[task]")
+{
+  StandardAssembly<double> assembly;
+  RevoluteLink<double> link{{Vec3::UnitY()}, {1, {0.5, 0, 0}, Vec3(0.1, 0.1, 0.1).asDiagonal(), false}};
+  assembly.add("link", {}, link);
+  assembly.set_gravity({0, 0, -1e200});
+  const Tree tree(assembly);
+  const Inputs<Tree> inputs(tree);
+  Tasks<Tree> tasks(tree, inputs);
+  const Index far = tasks.add_point("link", {1e120, 0, 0});
+  Workspace ws(tree);
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(1);
+  const auto fd = forward_dynamics(zero, zero, ws);
+  REQUIRE(fd.ok());
+  const TaskRows<double> rows = tasks(fd);
+  CHECK(rows.status == Status::not_finite);  // J and J̇q̇ are finite
+  CHECK(rows.J.array().isNaN().all());
+  CHECK(rows.Vdot0.array().isNaN().all());
+  CHECK(tasks.placement(far).p.array().isNaN().all());
+}
+
 }  // namespace test_task

@@ -86,3 +86,22 @@ TEST_CASE("Hinges in a row start as hinges about z in one point")
   }
   wrist->~Wrist<double>();
 }
+
+TEST_CASE("A part on a named frame of a later body hangs on that body")
+{
+  Random random(13);
+  const Wrist<double> wrist = random_wrist(random);
+  const RevoluteLink<double> load{{random.unit()}, random.body()};
+  using Parts = Assembly<RevoluteLink<double>, Wrist<double>>;
+  Parts direct, by_frame;
+  direct.add("part", {}, wrist).add("load", {"part", Mat3::Identity(), {0.1, 0.2, 0.3}, 2}, load);
+  by_frame.add("part", {}, wrist).add_frame("palm", {"part", Mat3::Identity(), {0.1, 0, 0.3}, 2});
+  by_frame.add("load", {"palm", Mat3::Identity(), {0, 0.2, 0}}, load);
+  const DynamicTree a(direct), b(by_frame);
+  CHECK(b.node("load").inlet == a.node("load").inlet);
+  const RandomState state = random_state(a, 0, random, 3);
+  const Answer x = solve(a, Inputs(a), state.q, state.qd), y = solve(b, Inputs(b), state.q, state.qd);
+  REQUIRE(x.status == Status::ok);
+  CHECK(relative_error(y.qdd0, x.qdd0) < 1e5 * eps);
+  CHECK(relative_error(y.Bhat, x.Bhat) < 1e5 * eps);
+}

@@ -5,6 +5,8 @@
 
 #include <iim/law_suite.hpp>
 #include <iim/subsystem/coupled_drive.hpp>
+#include <iim/subsystem/parallel_ankle.hpp>
+#include <iim/subsystem_matrices.hpp>
 
 using namespace iim;
 using namespace iim::test;
@@ -126,4 +128,54 @@ TEST_CASE("Belt and differential transmissions turn what they should")
   Assembly<Drive> impossible;
   impossible.add("hip", {}, needle);
   CHECK_THROWS_WITH(DynamicTree(impossible), Catch::Matchers::ContainsSubstring("'hip': rotor 1: axial inertia"));
+}
+
+TEST_CASE("Motors on a mechanism that has bodies of its own leave it these, and an armature the frames their inertia")
+{
+  Random random(34);
+  using Ankle = Compound<Driven<ParallelAnkleLinkage<double>, 2>>;
+  Ankle ankle;
+  for (std::size_t k = 0; k < 2; ++k) {
+    auto& r = ankle.mechanism.rod[k];
+    const double y = k == 0 ? 0.04 : -0.04;
+    r.hinge = Vec3(0.01, y, 0.2);
+    r.crank = Vec3(-0.07, 0, 0);
+    r.foot = Vec3(-0.05, y, 0.01);
+    r.rod = (r.hinge + r.crank - r.foot).norm();
+    r.rod_mass = 0.3;
+    ankle.mechanism.motor[k] = random.motor(0);
+    ankle.mechanism.motor[k].mass = 0.5;
+    ankle.mechanism.motor[k].transverse_inertia = ankle.mechanism.motor[k].axial_inertia;
+  }
+  ankle.mechanism.transmission << 10, 5, 10, -5;
+  ankle.body[0] = random.body();
+  Assembly<Ankle> parts;
+  const DynamicTree tree(parts.add("ankle", {}, ankle));
+  double mass = tree.inlet_mass(0).mass;
+  for (Index f = 0; f < tree.n_frames(); ++f) { mass += tree.frame_mass(f).mass; }
+  CHECK(std::abs(mass - (ankle.body[0].mass + 2 * 0.3 + 2 * 0.5)) < 16 * eps);
+
+  // About the joints' velocities alone: M̄ of a drive with armatures, less that of the same without their inertia.
+  Drive drive = random_drive(random), light;
+  for (Motor<double>& motor : drive.mechanism.motor) {
+    motor.armature = true;
+    motor.mass = 0;
+  }
+  light = drive;
+  Eigen::Matrix2d J = Eigen::Matrix2d::Zero();
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Index at = static_cast<Index>(k);
+    J(at, at) = drive.mechanism.motor[k].axial_inertia = 1e-2;
+    light.mechanism.motor[k].axial_inertia = 0;
+  }
+  const auto Mbar = [&](const Drive& part) {
+    Assembly<Drive> one;
+    const DynamicTree with_part(one.add("drive", {}, part));
+    Workspace ws(with_part);
+    const Eigen::Vector2d q(0.3, -0.4), qd(1, 2);
+    return Eigen::MatrixXd(subsystem_matrices(forward_dynamics(q, qd, ws), 0).Mbar);
+  };
+  Eigen::MatrixXd added = Eigen::MatrixXd::Zero(8, 8);
+  added.bottomRightCorner(2, 2) = drive.mechanism.transmission.transpose() * J * drive.mechanism.transmission;
+  CHECK(relative_error(Mbar(drive) - Mbar(light), added) < 1e3 * eps);
 }

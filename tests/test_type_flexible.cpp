@@ -103,3 +103,39 @@ TEST_CASE("A beam held straight is a rigid link")
     CHECK(relative_error(rows, expected) < 1e7 * eps);
   }
 }
+
+namespace {
+
+/// A hinge at the coupling point with an arm: S is about that point, not about the frame's origin, which moves.
+struct HingedArm {
+  using Scalar = double;
+  static constexpr int n_q = 1, n_i = 1;
+  static constexpr MotionPattern pattern{.linear = false, .bias = false};
+
+  Revolute<double> hinge{};
+  Vec3 arm = Vec3::Zero();
+
+  void prepare(const std::string& owner) { hinge.prepare(owner); }
+  bool motion(const Mat3& R, const Eigen::Matrix<double, 1, 1>& q, const Eigen::Matrix<double, 1, 1>& qd,
+              FrameMotion<double, 1>& m) const
+  {
+    const bool ok = hinge.motion(R, q, qd, m);
+    m.r = m.R * arm;
+    return ok;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("And one on a joint whose frame is off the coupling point that its motion is given about")
+{
+  Random random(73);
+  FlexibleLink<HingedArm, 1, 1> beam;
+  beam.joint.hinge.axis = random.unit();
+  beam.joint.arm = random.vector(0.3);
+  beam.rotary_y = 1e-3;
+  beam.rotary_z = 2e-3;
+  const LawReport report = check_laws(beam);
+  INFO(report.text());
+  CHECK(report.ok());
+}

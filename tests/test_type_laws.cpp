@@ -140,3 +140,27 @@ TEST_CASE("The law of inertia sees how far eigenvalues are below zero")
   }
   CHECK(part(-1, -2, -3) > 1);
 }
+
+namespace {
+
+/// Writes a bias that its pattern, a hinge's, says there is none of.
+struct StrayBias : RevoluteLink<double> {
+  bool motion(const Mat3& R, const Eigen::Matrix<double, 1, 1>& q, const Eigen::Matrix<double, 1, 1>& qd,
+              std::array<FrameMotion<double, 1>, 1>& frames) const
+  {
+    const bool ok = RevoluteLink<double>::motion(R, q, qd, frames);
+    frames[0].bias(4) = 1e-7;
+    return ok;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("A bias that the motion pattern denies is seen")
+{
+  Random random(4);
+  StrayBias link;
+  link.joint.axis = random.unit();
+  link.body = random.body();
+  CHECK(broken(check_laws(link)) == std::vector<std::string>{"motion pattern"});
+}

@@ -279,4 +279,48 @@ TEST_CASE("Mechanisms that close nowhere are refused when the tree is made")
   refuses(ankle, "must differ");
 }
 
+TEST_CASE("A slider-crank whose guide lies beyond the crank closes where its crank leans over")
+{
+  SliderCrank<double> slider;
+  slider.mechanism = {{}, 0.3, 0.6, 0.5, 1};
+  answers(slider, {{at(1.2), true}, {at(-1.2), false}, {at(0.5), true}});
+}
+
+TEST_CASE("A parallel ankle refuses what either rod alone cannot reach")
+{
+  for (std::size_t longer = 0; longer < 2; ++longer) {
+    ParallelAnkle<double> ankle;
+    for (std::size_t k = 0; k < 2; ++k) {
+      PushRod<double>& r = ankle.mechanism.rod[k];
+      const double y = k == 0 ? 0.04 : -0.04;
+      r.hinge = {0, y, 0.25};
+      r.crank = {k == longer ? -0.05 : -0.02, 0, 0};
+      r.foot = {-0.05, y, 0};
+      r.rod = (r.hinge + r.crank - r.foot).norm();
+      r.rod_mass = 0.2;
+    }
+    const auto tilt = [](double first) { return Eigen::VectorXd(Eigen::Vector2d(first, 0)); };
+    answers(ankle, {{tilt(0.2), true}, {tilt(0.8), false}, {tilt(0.2), true}});
+  }
+}
+
+TEST_CASE("Newton's closure of one equation: where y is no function of q, from near and far")
+{
+  const auto status = [](double q, double start, const LoopOptions<double>& options = {}) {
+    const auto square = [](const auto& y, const auto& x) { return std::array{y[0] * y[0] - x[0]}; };
+    const std::array<Dependent<double, 1>, 1> x{{{q, Eigen::Matrix<double, 1, 1>(1), 1, 0}}};
+    return close_loop<1>(square, x, Eigen::Matrix<double, 1, 1>(start), options).status;
+  };
+  CHECK(status(1, 2) == LoopStatus::ok);
+  CHECK(status(-1, 2) == LoopStatus::unreachable);
+  CHECK(status(1e-12, 1) == LoopStatus::singular);  // ∂y/∂q = 5·10⁵
+  CHECK(status(0, 1) == LoopStatus::singular);
+  CHECK(status(0, 100) == LoopStatus::singular);  // the iteration ends before it converges
+  LoopOptions<double> any_pivot;
+  any_pivot.singular = 0;
+  CHECK(status(1e-12, 1, any_pivot) == LoopStatus::ok);
+  CHECK(status(0, 1, any_pivot) ==
+        LoopStatus::singular);  // what is left of Φ_y is what the last step has changed it by
+}
+
 }  // namespace test_type_loop_status

@@ -401,4 +401,65 @@ TEST_CASE("a motor without inertia takes nothing out of a link without mass")
   CHECK(r.tree().n_v() == 2);
 }
 
+TEST_CASE("an axis that is written a little too long is a unit vector, too")
+{
+  const auto r =
+      parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a") +
+                                   joint_xml("j", "continuous", "base", "a", "<axis xyz='0.5774 0.5774 -0.5774'/>")));
+  CHECK((part<RevoluteLink<double>>(r, "a").joint.axis - vec(1, 1, -1) / std::numbers::sqrt3).norm() <= 4 * eps);
+}
+
+TEST_CASE("a joint that moves a mass farther out, or a rotor, is not warned of")
+{
+  const auto warnings = [](const std::string& on_b, const UrdfOptions<double>& options) {
+    return parse_urdf<double>(robot_xml(link_xml("base") + link_xml("a", "") + link_xml("b", on_b) +
+                                        joint_xml("j", "continuous", "base", "a") +
+                                        joint_xml("k", "continuous", "a", "b", "<axis xyz='0 1 0'/>")),
+                              options)
+        .warnings;
+  };
+  CHECK(warnings(inertial, {}).empty());
+  CHECK(warnings("", {}).size() == 2);
+  UrdfOptions<double> geared;
+  geared.motors["k"].axial_inertia = 1e-4;
+  const auto of_first = warnings("", geared);
+  REQUIRE(of_first.size() == 1);
+  CHECK(of_first[0].find("'j'") != std::string::npos);
+  geared.motors["j"].axial_inertia = 1e-4;
+  CHECK(warnings("", geared).empty());
+
+  UrdfOptions<double> heavy;  // a motor's mass is on the link before its joint
+  UrdfMotor<double>& motor = heavy.motors["k"];
+  motor.gear_ratio = 10;
+  motor.axial_inertia = motor.transverse_inertia = 1e-3;
+  motor.mass = 1;
+  CHECK(warnings("", heavy).empty());
+}
+
+TEST_CASE("a continuous joint has no end stops, whatever its limits say")
+{
+  const auto r = parse_urdf<double>(
+      robot_xml(link_xml("base") + link_xml("a") + joint_xml("j", "continuous", "base", "a", limit)));
+  CHECK(r.joint("j").lower == -std::numeric_limits<double>::infinity());
+  CHECK(r.joint("j").upper == std::numeric_limits<double>::infinity());
+  CHECK(r.joint("j").velocity == 4);
+  CHECK(r.joint("j").effort == 30);
+}
+
+TEST_CASE("a root called world that is more than what holds the base is refused with a floating base")
+{
+  const std::string on_world = joint_xml("w", "fixed", "world", "a") + joint_xml("j", "continuous", "a", "b");
+  const std::string links = link_xml("a") + link_xml("b") + link_xml("c");
+  const auto refused = [&](const std::string& inside) {
+    CHECK_THROWS_WITH(parse_urdf<double>(robot_xml(inside), with(Base::floating)),
+                      Catch::Matchers::ContainsSubstring("link 'world': with Base::floating"));
+  };
+  CHECK(parse_urdf<double>(robot_xml(link_xml("world", "") + links + on_world + joint_xml("f", "fixed", "b", "c")),
+                           with(Base::floating))
+            .tree()
+            .n_v() == 7);
+  refused(link_xml("world") + links + on_world + joint_xml("f", "fixed", "b", "c"));
+  refused(link_xml("world", "") + links + on_world + joint_xml("f", "fixed", "world", "c"));
+}
+
 }  // namespace test_urdf

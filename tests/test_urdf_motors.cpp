@@ -184,4 +184,36 @@ TEST_CASE("a rotor that the links contain is taken out of the link that carries 
   CHECK(part<MotorArm<double>>(armature, "a").body.inertia.diagonal() == Vector3<double>(0.01, 0.02, 0.025));
 }
 
+TEST_CASE("all options hold for a robot in float, which is read in double")
+{
+  UrdfOptions<float> options;
+  options.at = {Matrix3<float>::Identity(), {1, 2, 3}};
+  options.frames.push_back({"tool", "b", {Matrix3<float>::Identity(), {0, 0, 0.5F}}});
+  options.rotors_in_links = true;
+  UrdfMotor<float>& given = options.motors["j2"];
+  given.gear_ratio = 100;
+  given.axial_inertia = 1e-4F;
+  given.axis = Vector3<float>::UnitX();
+  options.motors["j1"] = {.gear_ratio = 5,
+                          .axial_inertia = 1e-3F,
+                          .mass = 0.2F,
+                          .com = {0, 0, 0.25F},
+                          .transverse_inertia = 2e-3F,
+                          .armature = true};
+  const auto r = parse_urdf<float>(arm(""), options);
+  REQUIRE(r.assembly.parts().size() == 2);
+  const auto& a = std::get<MotorArm<float>>(r.assembly.parts()[0].part);
+  const auto& b = std::get<MotorArm<float>>(r.assembly.parts()[1].part);
+  CHECK(r.assembly.parts()[0].on.p == options.at.p);
+  CHECK(r.assembly.named_frames().back().on.p.z() == 0.5F);
+  CHECK(a.motor.gear_ratio == 5);
+  CHECK(a.motor.mass == 0.2F);
+  CHECK(a.motor.com.z() == 0.25F);
+  CHECK(a.motor.transverse_inertia == 2e-3F);
+  CHECK(a.motor.armature);
+  CHECK(b.motor.gear_ratio == 100);
+  CHECK(b.motor.axis == Vector3<float>::UnitX());
+  CHECK(a.body.inertia(0, 0) == static_cast<float>(0.01 - static_cast<double>(1e-4F)));  // x of j2 is x of a
+}
+
 }  // namespace test_urdf_motors

@@ -101,8 +101,8 @@ public:
     const std::array<Outcome, static_cast<std::size_t>(lanes)>& outcome;
   };
 
-  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, in other places, with other
-  /// bodies or another gravity. (Axes of joints, motors and springs are not compared.)
+  /// The assembly from which inputs.tree() was made: ModelError where it has other parts, of other names, in other
+  /// places, with other bodies or another gravity. (Axes of joints, motors and springs are not compared.)
   template <class AssemblyType>
   SeveralStates(const AssemblyType& assembly, const Inputs<Tree>& inputs)
       : inputs_(&inputs), workspace_(inputs.tree()), method_(inputs.tree(), inputs),
@@ -306,7 +306,7 @@ private:
       if (!same) {
         detail::refuse(
             {"subsystem '", tree().name(node.index),
-             "' has another place or body in the assembly than in the inputs' tree (bodies of FixedLinks are "
+             "' has another name, place or body in the assembly than in the inputs' tree (bodies of FixedLinks are "
              "part of what carries them)"});
       }
     }

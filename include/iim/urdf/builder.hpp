@@ -224,12 +224,11 @@ private:
     for (std::size_t i = parts_.size(); i-- > 0;) {
       const Part& part = parts_[i];
       for (const Body<Scalar>& body : part.bodies) { has_mass[i] |= !body.is_massless; }
-      if (has_mass[i] != 0) {
-        if (part.parent >= 0) { has_mass[at(part.parent)] = 1; }
-        continue;
-      }
       const auto motor = part.joint != nullptr ? motors_.find(part.joint->name) : motors_.end();
-      if (motor != motors_.end() && motor->second.axial_inertia != Scalar(0)) { continue; }
+      const bool has_motor = motor != motors_.end();
+      const bool on_parent = has_mass[i] != 0 || (has_motor && motor->second.mass != Scalar(0));
+      if (part.parent >= 0 && on_parent) { has_mass[at(part.parent)] = 1; }
+      if (has_mass[i] != 0 || (has_motor && motor->second.axial_inertia != Scalar(0))) { continue; }
       const std::string where = part.joint != nullptr ? source_.joint(part.joint->name) : source_.name;
       warnings.push_back(where + ": link '" + part.name +
                          "' and all that hangs on it are without <inertial>: no state of this robot can be computed");
