@@ -108,6 +108,13 @@ TEST_CASE("files that are no URDF")
          {"two inertials",
           "<robot name='r'>\n<link name='a'>\n<inertial/>\n<inertial/>\n</link></robot>",
           {"r.urdf:2: link 'a': <inertial> is given twice, again in line 4"}},
+         {"quaternion",
+          robot_xml("continuous", "<origin quat_xyzw='0 0 0.6 0.8'/>"),
+          {"r.urdf:", "joint 'j': <origin quat_xyzw>", "rpy"}},
+         {"quaternion of an inertial",
+          "<robot name='r'>\n<link name='a'><inertial><origin quat_xyzw='0 0 0.6 0.8'/><mass value='1'/>"
+          "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link></robot>",
+          {"r.urdf:2: link 'a': <origin quat_xyzw>"}},
          {"version", "<robot name='r' version='9.0'><link name='a'/></robot>", {"r.urdf", "version"}}});
 }
 

@@ -33,9 +33,10 @@ struct PushRod {
 /// q: angles about the two axes [rad]; each crank's angle follows in closed form. Inputs: torques of the motors on
 /// their rotors, B̄_i = (0; gear ratio · ∂crank/∂q). A dead centre, where a rod is in line with its crank, is refused.
 ///
-/// Frames: 0 foot; 1, 2 cranks (origins at the hinges, the inlet's axes turned by the crank angle); 3, 4 rotors; 5, 6
-/// middles of the rods, which do not turn. A uniform slender rod is m/6, 2m/3, m/6 at its ends and middle: the same
-/// mass, centre and kinetic energy, and no spin about its own length, which the mechanism leaves undefined.
+/// Frames: 0 foot; 1, 2 cranks (origins at the hinges, the inlet's axes turned by the crank angle); 3, 4 rotors,
+/// turned by gear ratio times a crank angle within ±π, where what hangs on a rotor jumps if the ratio is no whole
+/// number; 5, 6 middles of the rods, which do not turn. A uniform slender rod is m/6, 2m/3, m/6 at its ends and middle:
+/// the same mass, centre and kinetic energy, and no spin about its own length, which the mechanism leaves undefined.
 template <class Scalar_>
 struct ParallelAnkleLinkage {
   using Scalar = Scalar_;

@@ -216,6 +216,16 @@ inline void check_once(const Element& e, const std::string& item, std::initializ
   }
 }
 
+/// Throws if the turn of a joint or inertial is a quaternion, of URDF 1.2, which urdfdom goes on without in a file that
+/// does not say that it is of this version, and refuses in one that does, if it does not know it.
+inline void check_origin(const Element& parent, const std::string& version, const std::string& item)
+{
+  const Element* origin = parent.FirstChildElement("origin");
+  if (origin != nullptr && origin->Attribute("quat_xyzw") != nullptr && version != "1.2") {
+    throw ModelError(item + ": <origin quat_xyzw>, which a file without version='1.2' cannot have; give rpy");
+  }
+}
+
 /// Joints and links by line. Throws for what urdfdom does not see, or reports without a line: unknown types, several
 /// parents, loops.
 inline Source survey(const Element& robot, const std::string& name)
@@ -223,6 +233,7 @@ inline Source survey(const Element& robot, const std::string& name)
   Source source{name};
   std::map<std::string, std::string> parent_of;
   std::map<std::string, std::string> joint_of;
+  const std::string version = attribute(robot, "version");
   for_each_child(robot, nullptr, [&](const Element& e) {
     const std::string kind = e.Value();
     if (kind.starts_with("xacro:")) {
@@ -236,7 +247,10 @@ inline Source survey(const Element& robot, const std::string& name)
       }
       check_once(e, item, {"inertial"});
       check_inertial(e, item);
-      if (e.FirstChildElement("inertial") != nullptr) { source.with_inertia.insert(attribute(e, "name")); }
+      if (const Element* inertial = e.FirstChildElement("inertial")) {
+        check_origin(*inertial, version, item);
+        source.with_inertia.insert(attribute(e, "name"));
+      }
     }
     if (kind != "joint") { return; }
     const std::string joint = attribute(e, "name");
@@ -245,6 +259,7 @@ inline Source survey(const Element& robot, const std::string& name)
       throw ModelError(item + ": there is a joint of that name in line " + std::to_string(before->second));
     }
     check_once(e, item, {"origin", "parent", "child", "axis"});
+    check_origin(e, version, item);
     const std::string type = attribute(e, "type");
     if (type == "planar") {
       throw ModelError(source.joint(joint) + ": planar joints are not supported; chain two prismatic and one revolute");
