@@ -297,7 +297,7 @@ private:
   std::array<Carried<Scalar>, in_registers ? n_frames : 1> carried_;
   std::array<Columns, n_frames> U_k_;              ///< of what the frames carry
   std::array<TriplePair<Scalar>, n_frames> size_;  ///< of the inertia that pivots stand in (roundings.hpp)
-  SpunRotors<S> spun_;
+  SpunRotors<S> spun_;  ///< as copies to functions that are not inlined: for them all here would lie in memory
   Columns U_, W_;
   Columns V_;  ///< of a compound that is mended
   TriplePair<Scalar> hg_;
