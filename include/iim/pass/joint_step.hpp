@@ -310,7 +310,7 @@ template <Scene scene, class S, class Workspace>
                                                  Workspace& ws, Diagnosis& diagnosis,
                                                  typename S::Scalar& largest_inverse)
 {
-  JointEquation<S> joint;  // apart: of one aggregate with it, g++ would keep nothing in registers from the beginning
+  JointEquation<S> joint;  // apart: with members whose address is taken, g++ keeps the whole of a step in memory
   JointStep<scene, S, Workspace> step(node, s, state, ws, diagnosis, joint);
   step.sum_frames();
   step.add_within();

@@ -19,7 +19,7 @@
 
 namespace iim::detail {
 
-/// What the step works on, which is not in registers: [N | z | v] of all that moves with q_i, and T q̈_i = z₁ − N₁ y − …
+/// What the step works on, which is not in registers: [N | z | v] of all that moves with q_i, and T q̈_i = z₁ − N₁ y.
 template <Scene scene, class S, class Workspace>
 struct RootEquation {
   using Scalar = typename S::Scalar;
