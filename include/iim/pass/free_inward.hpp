@@ -185,14 +185,13 @@ template <class Scalar, class Data>
   return positive;
 }
 
-template <Scene scene, class S, class Workspace>
-void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
-                        [[maybe_unused]] const typename S::Scalar& largest_inverse)
+/// To the frame what subsystems hand on to it; what limbs along the axis hand on is told apart, in `axis`.
+template <Scene scene, class Workspace>
+[[gnu::always_inline]] inline void gather_limbs(const Node& node, Workspace& ws,
+                                                FrameState<typename Workspace::Scalar>& f,
+                                                FreeAxis<typename Workspace::Scalar>& axis)
 {
-  using Scalar = typename S::Scalar;
-  using Pair = TriplePair<Scalar>;
-  FrameState<Scalar>& f = ws.frame(node.frame);
-  FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
+  using Scalar = typename Workspace::Scalar;
   if (axis.child < 0) {
     axis.held.setZero();
     axis.force = axis.within = Scalar(0);
@@ -209,7 +208,15 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     all.size = {max(all.size.linear, more.size.linear), max(all.size.angular, more.size.angular)};
     if (limbs.loses) [[unlikely]] { add_loss(more.loss, Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)), f); }
   }
+}
 
+/// To these the frame's own bodies: all that it carries, and what of it meets the axis.
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline Carried<typename S::Scalar> carry_all(const Node& node, const Workspace& ws,
+                                                                    FrameState<typename S::Scalar>& f,
+                                                                    FreeAxis<typename S::Scalar>& axis)
+{
+  using Scalar = typename S::Scalar;
   Carried<Scalar> all;
   if constexpr (is_several<Scalar>) {
     all = carried_at(f);
@@ -219,82 +226,139 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
     axis.size = {max(axis.size.linear, all.A.M.diagonal()), max(axis.size.angular, all.A.J.diagonal())};
     add_arrived(f, all);
   }
-  const Pair size = largest(f, all.A);
-  keep(all, f);
-  const SpatialInertia<Scalar>& A = all.A;
+  return all;
+}
 
-  // T = [1 0 0; 0 b S_1]: A_T, and what the roundings of its diagonal are told from.
+/// T = [1 0 0; 0 b S_1], and M̄_R of the base in its columns.
+template <class Scalar>
+struct FreeEquation {
+  std::array<Triple<Scalar>, 2> b;
+  TriplePair<Scalar> S_1;
+  Matrix6<Scalar> A_T;    ///< lower triangle
+  Vector6<Scalar> scale;  ///< of the roundings of A_T's diagonal
+  Matrix6<Scalar> C_T;
+};
+
+/// A_T and what the roundings of its diagonal are told from. size: of the inertia A is reduced from.
+template <class Scalar>
+[[gnu::always_inline]] inline void set_A_T(const SpatialInertia<Scalar>& A, const TriplePair<Scalar>& size,
+                                           const FrameState<Scalar>& f, const FreeAxis<Scalar>& axis,
+                                           FreeEquation<Scalar>& free)
+{
+  using Pair = TriplePair<Scalar>;
   const Pair S_1(axis.S.data()), a(axis.held.data());
   const std::array<Triple<Scalar>, 2> b = across(S_1.angular, axis.turning);
-  Matrix6<Scalar> A_T;
-  Vector6<Scalar> scale;
+  free.S_1 = S_1, free.b = b;
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) {
-    scale(i) = size.linear(i);
+    free.scale(i) = size.linear(i);
 #pragma GCC unroll 8
-    for (int j = 0; j <= i; ++j) { A_T(i, j) = A.M(j, i); }
+    for (int j = 0; j <= i; ++j) { free.A_T(i, j) = A.M(j, i); }
   }
 #pragma GCC unroll 8
   for (int k = 0; k < 2; ++k) {
-    const Pair U = A.of_angular(b[static_cast<std::size_t>(k)]);
+    const Triple<Scalar> b_k = b[static_cast<std::size_t>(k)];
+    const Pair U = A.of_angular(b_k);
 #pragma GCC unroll 8
-    for (int i = 0; i < 3; ++i) { A_T(3 + k, i) = U.linear(i); }
+    for (int i = 0; i < 3; ++i) { free.A_T(3 + k, i) = U.linear(i); }
 #pragma GCC unroll 8
-    for (int l = k; l < 2; ++l) { A_T(3 + l, 3 + k) = dot(b[static_cast<std::size_t>(l)], U.angular); }
-    scale(3 + k) = dot(b[static_cast<std::size_t>(k)] * b[static_cast<std::size_t>(k)], size.angular);
-    A_T(5, 3 + k) = dot(b[static_cast<std::size_t>(k)], a.angular);
+    for (int l = k; l < 2; ++l) { free.A_T(3 + l, 3 + k) = dot(b[static_cast<std::size_t>(l)], U.angular); }
+    free.scale(3 + k) = dot(b_k * b_k, size.angular);
+    free.A_T(5, 3 + k) = dot(b_k, a.angular);
   }
 #pragma GCC unroll 8
-  for (int i = 0; i < 3; ++i) { A_T(5, i) = a.linear(i); }
-  A_T(5, 5) = dot(S_1, a);
-  scale(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), axis.size) + axis.within;
+  for (int i = 0; i < 3; ++i) { free.A_T(5, i) = a.linear(i); }
+  free.A_T(5, 5) = dot(S_1, a);
+  free.scale(5) = dot(Pair(S_1.linear * S_1.linear, S_1.angular * S_1.angular), axis.size) + axis.within;
   if (f.loses) [[unlikely]] {
     const Pair& loss = f.inertia().loss;
-    for (int i = 0; i < 3; ++i) { scale(i) += square(loss.linear(i)); }
-    scale(5) += square(axis.loss);
-    for (int k = 0; k < 2; ++k) { scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], loss.angular)); }
+    for (int i = 0; i < 3; ++i) { free.scale(i) += square(loss.linear(i)); }
+    free.scale(5) += square(axis.loss);
+    for (int k = 0; k < 2; ++k) { free.scale(3 + k) += square(dot(b[static_cast<std::size_t>(k)], loss.angular)); }
   }
-  Matrix6<Scalar> C_T;
-  bool positive = root_of_inverse<Scalar, 6>(A_T, scale, C_T);
+}
+
+/// C_T, mended where pivots are small.
+template <class Workspace, class Scalar>
+[[gnu::always_inline]] inline void invert_free(const Node& node, const FreeAxis<Scalar>& axis,
+                                               [[maybe_unused]] const Scalar& largest_inverse, Workspace& ws,
+                                               Diagnosis& diagnosis, FreeEquation<Scalar>& free)
+{
+  bool positive = root_of_inverse<Scalar, 6>(free.A_T, free.scale, free.C_T);
   if constexpr (Workspace::update == Update::projected) {
     if constexpr (is_several<Scalar>) {
       bool strong = true;
 #pragma GCC unroll 8
       for (int k = 0; k < 6; ++k) {
-        strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(C_T(k, k)) * scale(k));
+        strong &= ScalarTraits<Scalar>::is_positive(Scalar(512) - square(free.C_T(k, k)) * free.scale(k));
       }
       if (!strong) { OneByOne<Scalar>::ask(); }
-    } else if (diagnosis.status == Status::ok && is_weak(C_T, scale, Scalar(8), largest_inverse, axis.turning)) {
-      positive = mend_free(node, axis, b, A_T, scale, ws.is_implicit(), positive, ws, C_T);
+    } else if (diagnosis.status == Status::ok &&
+               is_weak(free.C_T, free.scale, Scalar(8), largest_inverse, axis.turning)) {
+      positive = mend_free(node, axis, free.b, free.A_T, free.scale, ws.is_implicit(), positive, ws, free.C_T);
     }
   }
   if (!positive) { note_small_pivot(node, ws, diagnosis); }
+}
 
-  // C = W T C_T. The frame's V̇ = −A⁻¹ p is told from the forces on it alone: as the inlet's acceleration, bias and S q̈
-  // together it would have the roundings of gravity, which joints feel by their lengths' reciprocal (solo12 at rest:
-  // q̈₀ 50 ε, with this 2). ψ = W (bias − V̇).
-  const Pair& p = all.h;
-  Vector6<Scalar> p_T;
+/// Tᵀ p, p the bias wrench of the frame.
+template <class Scalar>
+[[gnu::always_inline]] inline void set_p_T(const TriplePair<Scalar>& p, const FreeAxis<Scalar>& axis,
+                                           const FreeEquation<Scalar>& free, Vector6<Scalar>& p_T)
+{
 #pragma GCC unroll 8
   for (int i = 0; i < 3; ++i) { p_T(i) = p.linear(i); }
-  p_T(3) = dot(b[0], p.angular);
-  p_T(4) = dot(b[1], p.angular);
+  p_T(3) = dot(free.b[0], p.angular);
+  p_T(4) = dot(free.b[1], p.angular);
   p_T(5) = axis.force;
+}
+
+/// M̄_R⁻¹ = C Cᵀ, C an upper triangle of three by three blocks.
+template <class Scalar>
+[[gnu::always_inline]] inline void put_inverse(const std::array<TriplePair<Scalar>, 6>& C, Matrix6<Scalar>& MbarR_inv)
+{
+#pragma GCC unroll 8
+  for (int d = 0; d < 6; ++d) {
+    TriplePair<Scalar> sum = C[5] * C[5](d);
+    sum += C[4] * C[4](d);
+    sum += C[3] * C[3](d);
+    if (d < 3) {
+#pragma GCC unroll 8
+      for (std::size_t k = 0; k < 3; ++k) { sum.linear += C[k].linear * C[k].linear(d); }
+    }
+    sum.put(&MbarR_inv(0, d));
+  }
+}
+
+/// C = W T C_T and M̄_R⁻¹, and the accelerations without inputs. The frame's V̇ = −A⁻¹ p is told from the forces on it
+/// alone: as the inlet's acceleration, bias and S q̈ together it would have the roundings of gravity, which joints feel
+/// by their lengths' reciprocal (solo12 at rest: q̈₀ 50 ε, with this 2). ψ = W (bias − V̇).
+template <Scene scene, class S, class Workspace>
+[[gnu::always_inline]] inline void put_free(const Node& node, const TriplePair<typename S::Scalar>& p,
+                                            const FreeEquation<typename S::Scalar>& free, const Workspace& ws,
+                                            FrameState<typename S::Scalar>& f, FreeAxis<typename S::Scalar>& axis,
+                                            NodeState<S>& state)
+{
+  using Scalar = typename S::Scalar;
+  using Pair = TriplePair<Scalar>;
+  Vector6<Scalar> p_T;
+  set_p_T(p, axis, free, p_T);
   const TransposedRotation<Scalar> back(f.R);
   const Triple<Scalar> r = triple(f.r), zero(Scalar(0), Scalar(0), Scalar(0));
+  const Matrix6<Scalar>& C_T = free.C_T;
   std::array<Pair, 6> C;
   Pair left(zero, zero);  // −V̇, but for S·rate
   Scalar rate(0);
 #pragma GCC unroll 8
   for (int k = 0; k < 6; ++k) {
     Triple<Scalar> lin(C_T(0, k), k > 0 ? C_T(1, k) : Scalar(0), k > 1 ? C_T(2, k) : Scalar(0)), ang = zero;
-    if (k > 2) { ang = b[0] * C_T(3, k); }
-    if (k > 3) { ang += b[1] * C_T(4, k); }
+    if (k > 2) { ang = free.b[0] * C_T(3, k); }
+    if (k > 3) { ang += free.b[1] * C_T(4, k); }
     const Pair apart(lin, ang);
     apart.put(&axis.E(0, k));
     if (k > 4) {
-      ang += S_1.angular * C_T(5, 5);
-      lin += S_1.linear * C_T(5, 5);
+      ang += free.S_1.angular * C_T(5, 5);
+      lin += free.S_1.linear * C_T(5, 5);
     }
     Scalar e = C_T(0, k) * p_T(0);
 #pragma GCC unroll 8
@@ -309,22 +373,28 @@ void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Di
   axis.last = C_T(5, 5);
   axis.rate = Scalar(0) - rate;
   Pair(zero - left.linear, zero - left.angular).put(axis.rest.data());
-  left += S_1 * rate;
+  left += free.S_1 * rate;
   Pair(zero - left.linear, zero - left.angular).put(f.Vdot.data());
   if constexpr (has_bias<scene, S>(0)) { left.linear += Triple<Scalar>(f.bias.data()); }
   if constexpr (has_bias<scene, S>(3)) { left.angular += Triple<Scalar>(f.bias.data() + 3); }
   Pair(back * (left.linear - cross(r, left.angular)), back * left.angular).put(state.psi.data());
-#pragma GCC unroll 8
-  for (int d = 0; d < 6; ++d) {
-    Pair sum = C[5] * C[5](d);
-    sum += C[4] * C[4](d);
-    sum += C[3] * C[3](d);
-    if (d < 3) {
-#pragma GCC unroll 8
-      for (std::size_t k = 0; k < 3; ++k) { sum.linear += C[k].linear * C[k].linear(d); }
-    }
-    sum.put(&state.MbarR_inv(0, d));
-  }
+  put_inverse(C, state.MbarR_inv);
+}
+
+template <Scene scene, class S, class Workspace>
+void free_matrix_inward(const Node& node, NodeState<S>& state, Workspace& ws, Diagnosis& diagnosis,
+                        const typename S::Scalar& largest_inverse)
+{
+  using Scalar = typename S::Scalar;
+  FrameState<Scalar>& f = ws.frame(node.frame);
+  FreeAxis<Scalar>& axis = *ws.free_axis(node.frame);
+  gather_limbs<scene>(node, ws, f, axis);
+  const Carried<Scalar> all = carry_all<scene, S>(node, ws, f, axis);
+  keep(all, f);
+  FreeEquation<Scalar> free;
+  set_A_T(all.A, largest(f, all.A), f, axis, free);
+  invert_free(node, axis, largest_inverse, ws, diagnosis, free);
+  put_free<scene>(node, all.h, free, ws, f, axis, state);
 }
 
 }  // namespace iim::detail
