@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <compare>
+#include <concepts>
 #include <limits>
 #include <ostream>
 
@@ -59,6 +60,15 @@ struct Counted {
 private:
   static Counted function(double value) { return ++done.functions, Counted(value); }
 };
+
+/// What f does.
+template <std::invocable F>
+Operations operations(F&& f)
+{
+  Counted::done = {};
+  f();
+  return Counted::done;
+}
 
 }  // namespace bench
 

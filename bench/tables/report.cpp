@@ -7,6 +7,7 @@
 #include "../common/machine.hpp"
 #include "../common/report.hpp"
 #include "methods.hpp"
+#include "scenes.hpp"
 
 #include <iim_build_info.hpp>
 
@@ -422,6 +423,19 @@ void write_report(const Records& records, const std::vector<Method>& methods, co
 
   report.section("How the cost grows");
   report.table(cost_table(cost));
+
+  report.section("What each scene costs");
+  report.paragraph(
+      "Operations of one evaluation, counted by a Scalar that counts what is done with it. Products include divisions; "
+      "most of them go with a sum into a multiply-add. B̂ and task rows are beyond the O(n) pass, which leaves q̈₀. "
+      "Task rows are J_t, J̇_t q̇ and V̇_t0, for which B̂ is not needed; J_t B̂ is a product with B̂, which comes first "
+      "and has a row of its own. With springs, every joint of the arm has a spring and a damper.");
+  report.table(scenes_table());
+  report.paragraph(
+      "Gravity is the acceleration with which the pass's last loop begins, and no operation. Only small pivots make "
+      "the numbers depend on the state, as they are computed anew: of these robots the arm has some, though not in "
+      "the state of the table. Which of its two forms B̂ takes is decided here for one number at a time; registers of "
+      "several may make it the other.");
 
   report.section("Error against run time");
   image("error_chain", "error of B̂ against run time, chain");

@@ -109,14 +109,6 @@ double nanoseconds(F&& f, int repetitions)
   return spread(times).median;
 }
 
-template <class F>
-Operations operations(F&& f)
-{
-  Counted::done = {};
-  f();
-  return Counted::done;
-}
-
 /// `part`: in double, with cast<T>(); `outlet`: of the frame that carries the next one.
 template <class S>
 TypeCost cost_of(const std::string& name, const S& part, bool quick, int outlet = 0)
