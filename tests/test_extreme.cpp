@@ -93,3 +93,22 @@ TEST_CASE("errors on plain and extreme scenes stay within their bounds")
     }
   }
 }
+
+TEST_CASE("errors on chains of up to 1000 links stay within their bounds")
+{
+  std::vector<bench::AccuracyScene> chains = bench::accuracy_scenes(false, 2);
+  std::erase_if(chains, [](const auto& scene) { return scene.group != "length" || scene.parameter < 200; });
+  REQUIRE(chains.size() == 3);
+  for (const Bound& chain : bench::accuracy_bounds(chains)) {
+    for (std::size_t s = 0; s < 2; ++s) {
+      INFO(chain.name << ", " << scalars[s]);
+      for (const auto update : {projected, square_root}) {
+        const Bound::Tier& tier = chain.tiers[s][update];
+        std::printf("%s %g %g %g\n", chain.name.c_str(), tier.Bhat.error, tier.qdd0.error, tier.qdd0.sensitivity);
+        hold(tier.Bhat, 16);
+        hold(tier.qdd0, std::max(16.0, 16 * tier.qdd0.sensitivity));
+        CHECK(tier.Bhat.refused == 0);
+      }
+    }
+  }
+}

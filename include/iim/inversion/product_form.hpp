@@ -340,7 +340,7 @@ protected:
   template <class Workspace>
   [[gnu::cold]] void project_on_rows(const Workspace& ws, const Input<Scalar>& input, Scalar* beta, Index depth)
   {
-    unit_rows_.carry_inward(ws, input.frame);
+    unit_rows_.carry_inward(ws, input.frame, false);
     for (Index j = 0; j < input.size; ++j, beta += depth_) {
       std::fill(beta, beta + depth, Scalar(0));
       add_on_rows(ws, input.frame, input_wrench(input, ws.frame(input.frame), j), beta, depth);
@@ -358,7 +358,7 @@ protected:
     for (std::size_t k = step.projections; k < step.projections_end; ++k) {
       const Input<Scalar>& input = inputs_.inputs().block(projections_[k].block);
       if (input.kind != InputKind::motor) { continue; }
-      unit_rows_.carry_inward(ws, frame);
+      unit_rows_.carry_inward(ws, frame, own);
       Scalar* beta = row(first_beta_ + projections_[k].column);
       for (Index j = 0; j < input.size; ++j, beta += depth_) {
         if (!own) { std::fill(beta, beta + node.path_v + n_i, Scalar(0)); }

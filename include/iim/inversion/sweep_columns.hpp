@@ -197,19 +197,19 @@ protected:
         if (size == Scalar(0)) { continue; }
         const std::optional<OpposedWrenches<Scalar>> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
         if (!wrenches) { continue; }
-        put_on(wrenches->frame, wrenches->on_frame * size, ws, l);
+        put_on(wrenches->frame, wrenches->on_frame * size, ws, l, true);
         put_on(wrenches->inlet, wrenches->on_inlet * size, ws, l);
         entry(load, l) = Scalar(0);
       }
     }
   }
 
-  /// A wrench on a frame.
+  /// A wrench on a frame. shared: UnitRows::carry_inward.
   template <class Workspace>
-  void put_on(Index frame, Vector6<Scalar> w, const Workspace& ws, int lane)
+  void put_on(Index frame, Vector6<Scalar> w, const Workspace& ws, int lane, bool shared = false)
   {
     if constexpr (Workspace::update == Update::square_root) {
-      if (ws.is_heavy(frame)) { share(ws, frame, w, lane); }
+      if (ws.is_heavy(frame)) { share(ws, frame, w, lane, shared); }
     }
     Six& wrench = applied(frame);
     char& load = loads_[at(frame)];
@@ -224,10 +224,11 @@ protected:
 
   /// Takes from a wrench on a heavy frame what its body's rows carry, and notes what each joint gets of it.
   template <class Workspace>
-  void share(const Workspace& ws, Index frame, Vector6<Scalar>& w, int lane)
+  void share(const Workspace& ws, Index frame, Vector6<Scalar>& w, int lane, bool shared)
   {
-    if (carried_ != frame) { unit_rows_.carry_inward(ws, frame); }
+    if (carried_ != frame || shared_load_ != shared) { unit_rows_.carry_inward(ws, frame, shared); }
     carried_ = frame;
+    shared_load_ = shared;
     const FrameState<Scalar>& f = ws.frame(frame);
     const RootRow<Scalar> z = put_on_rows(ws.frame_body(frame), f.R, f.bodies_at(), w);
     for (Index i = tree_->owner(frame); i >= 0; i = tree_->node(i).parent) {
@@ -291,9 +292,10 @@ protected:
   Array<Reach> reach_;
   Array<Own> own_;
   UnitRows<Scalar> unit_rows_;
-  Index carried_ = -1;   // the frame that they are of
-  Array<Lane> shares_;   // of a unit force on a heavy body: z₁ of the velocity
-  bool shared_ = false;  // whether some are not zero
+  Index carried_ = -1;        // the frame that they are of,
+  bool shared_load_ = false;  // and whether as rotors share a load
+  Array<Lane> shares_;        // of a unit force on a heavy body: z₁ of the velocity
+  bool shared_ = false;       // whether some are not zero
 };
 
 }  // namespace iim::detail

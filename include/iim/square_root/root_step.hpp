@@ -329,12 +329,17 @@ private:
   [[gnu::always_inline]] bool eliminate_within()
   {
     using std::abs;
+    if (tape_ != nullptr) [[unlikely]] { sum_within(*tape_); }
     for (int k = 0; k < joint_.left.count; ++k) {
       rotate_along(above_, joint_.left.row[static_cast<std::size_t>(k)], tape_, rows_.count, rows_.count + 1 + k);
     }
     Scalar& C = state_.MbarR_inv_root(0, 0);
     C = Scalar(1) / above_.v;
     if (n_put_ > 0) {
+      if (tape_ != nullptr) [[unlikely]] {
+        tape_->of_bodies = (body_v_ * C) * (body_v_ * C);
+        tape_->of_rotors *= C * C;
+      }
       undone_ = (body_v_ * C) * (body_v_ * C) + (within_S_ * C) * C;
       slip_ = (slip_ * C) * C;
       own_load_ = undone_ * own_load_ + slip_ * along_h_;
@@ -348,6 +353,16 @@ private:
                                                           TriplePair<Scalar>(state_.S_k[0].data())));
     }
     return regular;
+  }
+
+  /// Σ J e a over the rotors.
+  [[gnu::always_inline]] void sum_within(RowTape<Scalar>& tape) const
+  {
+    tape.of_rotors.setZero();
+    for (int k = 0; k < joint_.left.count; ++k) {
+      const SingleRow<Scalar>& row = joint_.left.row[static_cast<std::size_t>(k)];
+      for (int i = 0; i < 3; ++i) { tape.of_rotors(i) += row.n.angular(i) * row.v; }
+    }
   }
 
   [[gnu::always_inline]] const Scalar& t([[maybe_unused]] int k, [[maybe_unused]] int d) const

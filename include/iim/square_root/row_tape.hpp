@@ -70,6 +70,10 @@ public:
 
   Eigen::Index tops = 0;  ///< places of the rows that the subsystem's velocities took
   Arrival arrival;
+  /// Of one velocity with rotors or springs within: of M̄_R the part of the bodies beyond, in times of M̄_R, and Σ J e a
+  /// over the rotors (7), per M̄_R: the moment between them and the inlet, per load on the velocity.
+  Scalar of_bodies = Scalar(1);
+  Eigen::Matrix<Scalar, 3, 1> of_rotors = Eigen::Matrix<Scalar, 3, 1>(Scalar(0), Scalar(0), Scalar(0));
 
   /// The steps from `position` on, on other columns of the same rows, `most` of them. `spare`: as many.
   void replay(std::size_t position, RootRow<Scalar>* row, Eigen::Index most, RootRow<Scalar>* spare) const

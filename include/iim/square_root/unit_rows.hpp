@@ -25,7 +25,10 @@
 namespace iim::detail {
 
 /// A load of 1 on velocity d of a subsystem with one frame as a wrench w on that, S_e·w = 1 for e = d and 0 for others,
-/// and −w on its inlet.
+/// and −w on its inlet. Of a joint with rotors or springs, w is what they leave of it to the bodies, S·w = S·A S/M̄_R
+/// (RowTape::of_bodies), and what acts between rotors and inlet is subtracted there: in these proportions bodies and
+/// rotors move alike, and nothing has to cancel. (w for a load of 1 through Q with the rotors: of a motor of 10⁻² kg
+/// m², gear 100, on a base a tenth of the limb's mass that carries it by a ball, the column 10⁴ ε; with this 30.)
 template <class Scalar>
 struct OpposedWrenches {
   Index frame, inlet;
@@ -111,8 +114,14 @@ template <class Workspace>
   const Vector6<Scalar> carried = others.beyond(w);
   const Scalar left = carried.squaredNorm() - Scalar(1e-3) * w.squaredNorm();
   if (ScalarTraits<Scalar>::is_positive(left)) { w = carried; }
-  w = w * Scalar(Scalar(1) / w.dot(column(d)));
+  const RowTape<Scalar>& tape = ws.tape(node.index);
+  const bool shared = n_i == 1 && !(tape.of_bodies == Scalar(1));
+  if (shared && !(ScalarTraits<Scalar>::is_positive(left) && ScalarTraits<Scalar>::is_positive(tape.of_bodies))) {
+    return std::nullopt;
+  }
+  w = w * Scalar((shared ? tape.of_bodies : Scalar(1)) / w.dot(column(d)));
   wrenches.on_inlet = -shift_wrench(r, w);
+  if (shared) { wrenches.on_inlet.template tail<3>() -= tape.of_rotors; }
   return wrenches;
 }
 
@@ -135,9 +144,9 @@ public:
   bool are_needed() const { return !z_1_.empty(); }
 
   /// z₁ of the subsystems on the path to a heavy frame, for 1 in each of the rows of its body. The workspace holds the
-  /// pass.
+  /// pass. shared: the wrenches are what the rotors of the frame's own joint leave of a load on it (OpposedWrenches).
   template <class Workspace>
-  void carry_inward(const Workspace& ws, Index frame)
+  void carry_inward(const Workspace& ws, Index frame, bool shared)
   {
     const auto most = static_cast<Index>(row_.size());
     for (RootRow<Scalar>& n : z_1_) { n.setZero(); }  // those beyond a free frame stay so
@@ -153,10 +162,16 @@ public:
         tape.replay(0, row_.data(), most, spare_.data());
         std::copy_n(&at(tape.tops), own, z_1_.begin() + node.path_v);
       }
+      const bool follow = shared && own == 1 && !(tape.of_bodies == Scalar(1));  // rotors have their part of the load
+      if (follow) { z_1_[static_cast<std::size_t>(node.path_v)] *= Scalar(1) / tape.of_bodies; }
+      shared = false;
       const Arrival& arrival = tape.arrival;
       if (arrival.count < 0) { return; }
       std::copy_n(&at(arrival.from), arrival.count, spare_.begin());
       std::copy_n(&at(arrival.within_from), arrival.within, spare_.begin() + arrival.count);
+      if (follow) {
+        std::fill_n(spare_.begin() + arrival.count, arrival.within, RootRow<Scalar>(RootRow<Scalar>::Zero()));
+      }
       for (RootRow<Scalar>& n : row_) { n.setZero(); }
       std::copy_n(spare_.begin(), arrival.count, &at(arrival.to));
       for (Index k = 0; k < arrival.within; ++k) {
