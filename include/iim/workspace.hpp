@@ -123,7 +123,7 @@ private:
         bodies.add(s, this->inlet_axes(node, state), state);
       });
       bodies.allocate(tree(), detail::mends_several<Data>);
-      this->second_look_.allocate(tree());
+      this->second_look_.allocate(tree(), update == Update::square_root);
       if constexpr (detail::refines_root<Data>) {
         if (detail::outweigh_free<Scalar>(this->free_axes_, tree())) { this->second_look_.leave_heavy(); }
       }

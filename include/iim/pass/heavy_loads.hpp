@@ -14,8 +14,10 @@ namespace iim::detail {
 
 /// Whether a body weighs `times` as much as one further inward: its mass at the longest lever within the robot, and
 /// its moments. (By the mass alone a flywheel on light links has q̈₀ of as many ε as it is heavier than they are.)
+/// of_free: of a free body its moments alone, by which it takes what passes at a lever. (Square root: a free base as
+/// heavy as its limb's links, small as a fist, a link's centre 3 m away: q̈₀ 600 ε without.)
 template <class Scalar>
-[[gnu::cold]] bool is_heavier(const TreeData<Scalar>& tree, int times)
+[[gnu::cold]] bool is_heavier(const TreeData<Scalar>& tree, int times, bool of_free)
 {
   const auto at = [](Index i) { return static_cast<std::size_t>(i); };
   const auto is_positive = [](const Scalar& x) { return ScalarTraits<Scalar>::is_positive(x); };
@@ -31,12 +33,14 @@ template <class Scalar>
     Scalar& light = lightest[at(node.index)];
     if (node.parent >= 0) { light = lightest[at(node.parent)]; }
     const Scalar inward = light;
+    const bool turns_freely = of_free && node.inlet < 0 && tree.velocities(node.index) == 6;
     for (Index f = node.frame; f < tree.end_of_frames(node.index); ++f) {
       const FrameMass<Scalar>& body = tree.frame_mass(f);
       const Scalar weight = body.mass * lever + sum_of_moments(body.central_inertia);
       if (!body.present || !is_positive(weight)) { continue; }
       has |= is_positive(inward) && is_positive(weight - Scalar(times) * inward);
-      if (!is_positive(light) || is_positive(light - weight)) { light = weight; }
+      const Scalar held = turns_freely ? sum_of_moments(body.central_inertia) : weight;
+      if (is_positive(held) && (!is_positive(light) || is_positive(light - held))) { light = held; }
     }
   }
   return has;

@@ -60,7 +60,8 @@ inline constexpr bool refines = looks_again<Data> || mends<Data> || refines_root
 template <class Scalar>
 class SecondLook {
 public:
-  [[gnu::cold]] void allocate(const TreeData<Scalar>& tree)
+  /// of_free: is_heavier.
+  [[gnu::cold]] void allocate(const TreeData<Scalar>& tree, bool of_free)
   {
     members_.resize(at(tree.size()));
     reach_.resize(at(tree.n_v()));
@@ -71,7 +72,7 @@ public:
     is_touched_.resize(at(tree.n_frames()), false);
     applied_.resize(at(tree.n_frames()));
     for (const int times : {16, 32, 128}) {
-      if (is_heavier(tree, times)) { heavy_ = times; }
+      if (is_heavier(tree, times, of_free)) { heavy_ = times; }
     }
     Index most = 0;
     for (const Node& node : tree.nodes()) { most = std::max(most, tree.velocities(node.index)); }
