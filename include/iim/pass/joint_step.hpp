@@ -177,7 +177,8 @@ public:
     if constexpr (turns_about_axis<S>()) {
       FreeLimb<Scalar>* const limb = ws_.free_limb(node_.index);
       if (limb != nullptr) [[unlikely]] {
-        set_limb<scene>(node_, s_, state_, SpunRotors<S>(spun_), Scalar(joint_.h_unloaded(0)), ws_, *limb);
+        set_limb<scene>(node_, s_, state_, SpunRotors<S>(spun_), TriplePair<Scalar>(U_k_[0][0]),
+                        Scalar(joint_.h_unloaded(0)), ws_, *limb);
       }
     }
     FrameState<Scalar>& inlet = ws_.frame(receiver);
