@@ -212,4 +212,25 @@ TEST_CASE("a screw on a free base, which has no line, beside a ball")
   }
 }
 
+TEST_CASE("loads on the joints between a light base and its limbs move the base")
+{
+  for (const First first : {First::ball, First::plane, First::cross}) {
+    CAPTURE(static_cast<int>(first));
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      test::Random random(seed);
+      const DynamicTree tree(robot(first, first, 1e-6, random));
+      const Inputs inputs(tree);
+      Workspace<std::remove_const_t<decltype(tree)>, Update::square_root> ws(tree);
+      ImplicitInversion method(tree, inputs);
+      test::RandomState state = test::random_state(tree, inputs.columns(), random);
+      make_balls_unit(tree, state.q, random);
+      const VectorX<double> loaded = forward_dynamics(state.q, state.qd, inputs, state.u, ws).qdd;
+      const auto result = method(state.q, state.qd, ws);
+      REQUIRE(result.ok());
+      const VectorX<double> expected = result.qdd0 + result.Bhat * state.u;
+      CHECK((loaded - expected).norm() < 1e-11 * expected.norm());
+    }
+  }
+}
+
 }  // namespace test_common_motion

@@ -278,4 +278,63 @@ TEST_CASE("projected: joints of a falling robot do not feel gravity", "[free_bas
   }
 }
 
+namespace {
+
+Body<double> times(Body<double> body, double factor)
+{
+  body.mass *= factor;
+  body.inertia *= factor;
+  return body;
+}
+
+/// An arm with an armature on a base far lighter than it, and a load that turns about the same line.
+Parts<double> load_in_line(test::Random& random)
+{
+  Parts<double> assembly;
+  const test::Vec3 axis = random.axis();
+  assembly.add("base", {}, FloatingBase<double>{times(random.body(), 1e-3)});
+  MotorArm<double> arm{{axis}, times(random.body(), 0.1), {}};
+  arm.motor.gear_ratio = random.uniform(1, 3);
+  arm.motor.axial_inertia = 3e-4;
+  arm.motor.armature = true;
+  assembly.add("arm", {"base", test::Mat3::Identity(), random.vector(0.3)}, arm);
+  assembly.add("load", {"arm", test::Mat3::Identity(), axis * random.uniform(-0.5, 0.5)},
+               RevoluteLink<double>{{-axis}, times(random.body(), 1e4)});
+  return assembly;
+}
+
+/// A base with a light link, and after it a limb with a load.
+Parts<double> load_after_link(test::Random& random)
+{
+  Parts<double> assembly;
+  assembly.add("base", {}, FloatingBase<double>{random.body()});
+  assembly.add("side", {"base", random.rotation(), random.vector(0.5)},
+               RevoluteLink<double>{{random.axis()}, times(random.body(), 0.1)});
+  std::string parent = "base";
+  for (int k = 0; k < 6; ++k) {
+    const std::string name = "link" + std::to_string(k);
+    assembly.add(name, {parent, random.rotation(), random.vector(0.5)},
+                 RevoluteLink<double>{{random.axis()}, times(random.body(), k == 5 ? 1e5 : 1)});
+    parent = name;
+  }
+  return assembly;
+}
+
+}  // namespace
+
+TEST_CASE("projected: a load in line with a geared arm on a light base", "[free_base]")
+{
+  const Errors errors = worst(50, 0, [](test::Random& random) { return load_in_line(random); });
+  CHECK(errors.Bhat < 32);
+  CHECK(errors.qdd0 < 32);  // 2; 10⁵ where what the rotor holds of the load is left out, or the rotor
+}
+
+TEST_CASE("projected: a limb with a load, and a link that hangs on the base before it", "[free_base]")
+{
+  const Errors errors = worst(100, 0, [](test::Random& random) { return load_after_link(random); });
+  CHECK(errors.over < 15);   // 3; with the roundings of the limb left out 60, 7·10⁵ and 3·10⁴ ε
+  CHECK(errors.Bhat < 256);  // 42
+  CHECK(errors.qdd0 < 64);
+}
+
 }  // namespace test_free_base_digits

@@ -4,6 +4,7 @@
 #include "random_tree.hpp"
 
 #include <iim/iim.hpp>
+#include <iim/subsystem/joint_more.hpp>
 
 #include <cstdint>
 #include <string>
@@ -143,6 +144,56 @@ TEST_CASE("a rotor that its own joint holds")
     parts.add("arm", somewhere("cross", random), arm);
     return parts;
   });
+}
+
+TEST_CASE("coaxial joints with nothing between, in a row of parallel ones under a load")
+{
+  all_are_refused("", [](test::Random& random) {
+    Parts parts;
+    const Vector3<double> axis = random.unit();
+    const int light = 1 + random.below(4);
+    std::string on = "world";
+    for (int k = 0; k < 7; ++k) {
+      Vector3<double> p = random.vector(0.5);
+      if (k == light + 1) { p = random.uniform(-0.5, 0.5) * axis; }
+      Body<double> body = k == light ? massless : random.body();
+      if (k == 6) {
+        body.mass *= 1e5;
+        body.inertia *= 1e5;
+      }
+      const std::string name = "link" + std::to_string(k);
+      parts.add(name, {on, Matrix3<double>::Identity(), p},
+                RevoluteLink<double>{{random.chance(0.5) ? axis : Vector3<double>(-axis)}, body});
+      on = name;
+    }
+    return parts;
+  });
+}
+
+TEST_CASE("a ball on a universal joint about the same point, with nothing between")
+{
+  using Crossed = Assembly<RevoluteLink<double>, PlanarLink<double>, UniversalLink<double>, SphericalLink<double>>;
+  int passed = 0;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    test::Random random(seed);
+    Crossed parts;
+    parts.add("arm", somewhere("world", random), link(random));
+    parts.add("plane", somewhere("arm", random), PlanarLink<double>{{}, random.body()});
+    parts.add("forearm", somewhere("plane", random), link(random));
+    parts.add("cross", somewhere("forearm", random), UniversalLink<double>{{}, massless});
+    parts.add("ball", {"cross"}, SphericalLink<double>{{}, random.body()});
+    parts.add("hand", somewhere("ball", random), SphericalLink<double>{{}, random.body()});
+    const DynamicTree tree(parts);
+    test::RandomState x = test::random_state(tree, 0, random);
+    normalize(tree, x.q);
+    const auto takes = [&]<Update update>(std::integral_constant<Update, update>) {
+      Workspace<std::remove_const_t<decltype(tree)>, update> ws(tree);
+      return forward_dynamics(x.q, x.qd, ws).ok();
+    };
+    passed += takes(std::integral_constant<Update, Update::projected>{}) +
+              takes(std::integral_constant<Update, Update::square_root>{});
+  }
+  CHECK(passed == 0);
 }
 
 }  // namespace test_status_singular
