@@ -104,7 +104,6 @@ TEST_CASE("errors on chains of up to 1000 links stay within their bounds")
       INFO(chain.name << ", " << scalars[s]);
       for (const auto update : {projected, square_root}) {
         const Bound::Tier& tier = chain.tiers[s][update];
-        std::printf("%s %g %g %g\n", chain.name.c_str(), tier.Bhat.error, tier.qdd0.error, tier.qdd0.sensitivity);
         hold(tier.Bhat, 16);
         hold(tier.qdd0, std::max(16.0, 16 * tier.qdd0.sensitivity));
         CHECK(tier.Bhat.refused == 0);

@@ -1,5 +1,6 @@
 // PART OF: iim_accuracy
-// Worst errors over many states. The reference is the square-root form in long double: 2⁻¹¹ ε of double.
+// Worst errors over many states, of implicit inversion. The reference is the square-root form in long double, B̂ by unit
+// forces: 2⁻¹¹ ε of double.
 #include "accuracy.hpp"
 #include "perturbed.hpp"
 
@@ -12,8 +13,7 @@ namespace bench {
 
 namespace {
 
-/// B̂ by unit forces: errors of B̂ are those of the O(n) pass, and 1000 columns cost no n³.
-template <class Scalar, iim::Update update>
+template <class Scalar, iim::Update update, template <class> class Method>
 class Tier {
 public:
   Tier(const AccuracyScene& scene, const iim::StandardAssembly<Scalar>& parts)
@@ -29,10 +29,10 @@ private:
   const Tree<Scalar> tree_;
   iim::Inputs<Tree<Scalar>> inputs_;
   iim::Workspace<Tree<Scalar>, update> workspace_;
-  iim::UnitForce<Tree<Scalar>> method_;
+  Method<Tree<Scalar>> method_;
 };
 
-using Precision = Tier<long double, iim::Update::square_root>;
+using Precision = Tier<long double, iim::Update::square_root, iim::UnitForce>;
 
 struct Pair {
   double Bhat = 0;
@@ -61,7 +61,7 @@ Bound::Tier worst_of(const AccuracyScene& scene, const iim::StandardAssembly<Sca
                      const std::vector<Reference>& exact)
 {
   const std::vector<State<double>>& states = scene.states;
-  Tier<Scalar, update> tier(scene, parts);
+  Tier<Scalar, update, iim::ImplicitInversion> tier(scene, parts);
   Bound::Tier worst;
   const auto put = [](Bound::Worst& w, double error, int k) {
     if (!(error <= w.error)) {
