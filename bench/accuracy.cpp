@@ -24,7 +24,7 @@ constexpr const char* usage =
     "Runs every method × frame convention × update × scalar on plain and extreme scenes and writes into FOLDER:\n"
     "  accuracy.md, accuracy_*.svg   tables and figures\n"
     "--quick                         fewer states, shorter chains, fewer steps\n"
-    "--only PART                     bounds, robots, cost, scenes, known or runs\n"
+    "--only PART                     bounds, robots, cost, scenes, known, runs or stiff\n"
     "--match TEXT                    only scenes with it in their group (plain, length, mass ratio, distance, "
     "extreme,\n"
     "                                robot) or name\n"
@@ -142,6 +142,7 @@ void run(const Options& options)
   const auto append = [&](std::vector<Figure> more) { figures.insert(figures.end(), more.begin(), more.end()); };
   if (options.wants("known")) { append(known_experiments(options.quick, report)); }
   if (options.wants("runs")) { append(long_runs(options.quick, report)); }
+  if (options.wants("stiff")) { append(stiff_scenes(options.quick, report)); }
   drawn = draw_in_powers(figures, options.out) && drawn;
   if (!drawn) { report.paragraph("gnuplot is absent: the figures are left as .gp files."); }
 }
@@ -160,7 +161,7 @@ int main(int argc, char** argv)
         options.out = argv[++k];
       } else if (argument == "--only" && k + 1 < argc) {
         options.only = argv[++k];
-        const std::vector<std::string> parts{"bounds", "robots", "cost", "scenes", "known", "runs"};
+        const std::vector<std::string> parts{"bounds", "robots", "cost", "scenes", "known", "runs", "stiff"};
         if (std::find(parts.begin(), parts.end(), options.only) == parts.end()) {
           throw std::invalid_argument("--only " + options.only + " is no part of the report");
         }

@@ -2,6 +2,7 @@
 // Energy and momentum of free mechanisms over many steps of the classical Runge–Kutta method.
 #include "../common/table.hpp"
 #include "report.hpp"
+#include "runge_kutta.hpp"
 
 #include <iim/equations_of_motion.hpp>
 
@@ -113,25 +114,13 @@ Drift run(const Parts& parts, const State<double>& begin, double h, long steps)
   using TreeType = Tree<Scalar>;
   using Vector = iim::VectorX<Scalar>;
   const TreeType tree(parts.cast<Scalar>());
-  iim::Workspace<TreeType, update> workspace(tree);
+  RungeKutta<TreeType, update> method(tree);
   const Index n_q = tree.n_q();
   const Index n_v = tree.n_v();
-  const auto rate = [&](const Vector& y, Vector& k) {
-    const auto q = y.head(n_q);
-    const auto qd = y.tail(n_v);
-    const auto fd = iim::forward_dynamics(q, qd, workspace);
-    k.tail(n_v) = fd.qdd0();
-    auto rates = k.head(n_q);
-    iim::coordinate_rate(tree, q, qd, rates);
-    return fd.ok();
-  };
   Vector first(n_q + n_v);
   first << begin.q.cast<Scalar>(), begin.qd.cast<Scalar>();
   first.template segment<4>(3).normalize();  // the base's quaternion, to the scalar's digits
   Compensated<Scalar> y(first);
-  std::array<Vector, 4> k;
-  k.fill(Vector(n_q + n_v));
-  Vector moved(n_q + n_v);
   Balance balance(parts);
   const auto conserved = [&] {
     return balance(
@@ -145,18 +134,11 @@ Drift run(const Parts& parts, const State<double>& begin, double h, long steps)
   const auto start = std::chrono::steady_clock::now();
   double measuring = 0;
   for (long s = 1; s <= steps; ++s) {
-    bool ok = rate(y.value, k[0]);
-    moved = y.value + step / 2 * k[0];
-    ok = rate(moved, k[1]) && ok;
-    moved = y.value + step / 2 * k[1];
-    ok = rate(moved, k[2]) && ok;
-    moved = y.value + step * k[2];
-    ok = rate(moved, k[3]) && ok;
-    if (!ok) {
+    if (!method(y.value, step)) {
       drift.status = "status at step " + std::to_string(s);
       break;
     }
-    y.add(step / 6 * (k[0] + Scalar(2) * (k[1] + k[2]) + k[3]));
+    y.add(method.step());
     if (s % std::max(1L, steps / 100) == 0) {
       const auto pause = std::chrono::steady_clock::now();
       const Conserved now = conserved();

@@ -85,10 +85,10 @@ bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folde
   bool drawn = true;
   for (const Figure& figure : figures) {
     std::string text = gnuplot_text(figure);
-    const std::string lowest = text_of(extent(figure, &Point::y).first / 2);
-    const std::string powers =
-        "set format y '10^{%T}'\nset yrange [" + lowest + ":*]\n" +
-        (figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "");
+    std::string powers = figure.log_x && extent(figure, &Point::x).second > 1e4 ? "set format x '10^{%T}'\n" : "";
+    if (figure.log_y) {
+      powers += "set format y '10^{%T}'\nset yrange [" + text_of(extent(figure, &Point::y).first / 2) + ":*]\n";
+    }
     text.insert(text.rfind("\nplot ") + 1, powers);
     write(folder, figure.file, text);
     drawn = drawn && run_gnuplot(folder, figure.file);

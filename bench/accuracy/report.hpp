@@ -48,7 +48,7 @@ std::vector<const Outcome*> accuracy_front(const std::vector<Outcome>& outcomes)
 /// Returns NAME; `drawn` becomes false if there is no gnuplot.
 std::string draw_error_against_time(const AccuracyResult& result, const std::string& folder, bool& drawn);
 
-/// Writes NAME.gp of every figure, its axes in powers of ten, and NAME.svg. False if there is no gnuplot.
+/// Writes NAME.gp of every figure, its logarithmic axes in powers of ten, and NAME.svg. False if there is no gnuplot.
 bool draw_in_powers(const std::vector<Figure>& figures, const std::string& folder);
 
 /// Condition numbers of mass matrices after Featherstone, and accuracy by elimination after Ascher, Pai, Cloutier.
@@ -56,5 +56,8 @@ std::vector<Figure> known_experiments(bool quick, Report& report);
 
 /// Drift of energy and momentum over many steps.
 std::vector<Figure> long_runs(bool quick, Report& report);
+
+/// Stiff machines over seconds: implicit steps, explicit ones that blow up, and how far both are from small steps.
+std::vector<Figure> stiff_scenes(bool quick, Report& report);
 
 }  // namespace bench

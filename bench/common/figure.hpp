@@ -31,6 +31,7 @@ struct Figure {
   bool log_x = false;
   bool log_y = false;
   bool scatter = false;  ///< large points, no lines
+  double y_min = 0;      ///< where a linear axis begins
   double y_max = 0;      ///< cut off there; 0: as far as the curves reach
   std::vector<Curve> curves{};
 };
@@ -76,10 +77,8 @@ inline std::string gnuplot_text(const Figure& figure)
     out << "set xrange [" << (figure.log_x ? "*" : "0") << ":*]\n";
     if (figure.log_y) {
       out << "set yrange [" << extent(figure, &Point::y).first / 1.25 << ":*]\n";
-    } else if (figure.y_max > 0) {
-      out << "set yrange [0:" << figure.y_max << "]\n";
     } else {
-      out << "set yrange [0:*]\n";
+      out << "set yrange [" << figure.y_min << ":" << (figure.y_max > 0 ? std::to_string(figure.y_max) : "*") << "]\n";
     }
   }
   for (std::size_t c = 0; c < figure.curves.size(); ++c) {
