@@ -54,6 +54,7 @@ TEST_CASE("errors on plain and extreme scenes stay within their bounds")
         hold(p.Bhat, 16);
         hold(p.qdd0, 4 * 35);
         CHECK(p.Bhat.refused == 0);
+        hold(scene.tiers[s][printed].Bhat, 256);  // at the world's origin and far from it
       }
 
       // The square-root form, on all of them that are numbers of this kind.

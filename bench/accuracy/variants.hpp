@@ -56,7 +56,7 @@ public:
   {
     using Vector = const iim::VectorX<Scalar>&;
     if constexpr (std::is_invocable_v<Method&, Vector, Vector, iim::Workspace<Tree<Scalar>, update>&>) {
-      return method_(x.q, x.qd, workspace_);  // of the O(n) pass it needs the kinematics only
+      return method_(x.q, x.qd, workspace_);
     } else {
       return method_(iim::forward_dynamics(x.q, x.qd, workspace_));
     }

@@ -72,7 +72,7 @@ struct Method {
 
 /// A method of the library on a Workspace with the given update.
 ///
-/// A method that does not need the whole O(n) pass has an operator()(q, q̇, workspace) or (q, q̇), and that is taken.
+/// Where a method takes (q, q̇, workspace) or (q, q̇) itself, that call is measured.
 template <class MethodType, iim::Update update = iim::Update::projected>
 class MethodRunner final : public Runner {
 public:

@@ -31,8 +31,8 @@
 //     T_ip             NodeState::r, S_k       X(r) [1 S_k]   (8)
 //     Ṫ_ip V_p         NodeState::c, FrameState::bias    (19)
 //     F_i              (0; 0; 1)               (7)
-//     M̄_i, M̄*_i      FrameState::A, NodeState::U, MbarR      [ A U ; Uᵀ M̄_R ]   (10), (14)
-//     h̄_i, h̄*_i      FrameState::h            (10), (15)
+//     M̄_i, M̄*_i      FrameInertia::A, NodeState::U, MbarR    [ A U ; Uᵀ M̄_R ]   (10), (14)
+//     h̄_i, h̄*_i      FrameInertia::h          (10), (15); FrameState::inertia() has both
 //     M̄_R, M̄_R⁻¹     MbarR, MbarR_inv         (17)
 //     T*_ip            −W X(r)[1 S_k] in its q̇ rows; NodeState::W      (16)
 //     ψ                psi                     M̄_R⁻¹ F_iᵀ h̄*, the part of q̈_i that the inlet's motion leaves   (18)
@@ -42,6 +42,13 @@
 //
 // Not in the paper: the gain W = M̄_R⁻¹ Uᵀ, the inlet (the parent's frame that carries the coupling point), a
 // subsystem's frames (rigid parts that it moves), the scene (Scene), the square-root form (square_root.hpp).
+//
+// To read the code: kinematics.hpp, joint_step.hpp and forward_pass.hpp in pass/ are the three loops, product_form.hpp
+// and sweep.hpp in inversion/ the two ways to B̂. All else there keeps digits in rarer cases. Its words: a pivot is
+// M̄_R, the inertia that a joint feels; it is weak where it is a small difference of large inertias, and is mended when
+// it is computed from the bodies beyond instead. What an inertia has been reduced from is its size. A limb is what
+// hangs on a free body by one joint; its slip is 1 − W S, what rotors and springs within hold of that joint's motion,
+// and the rest is undone by the joint. Of two joints that move alike, the inner has a share in the outer.
 #pragma once
 
 #include <iim/affine_dynamics.hpp>

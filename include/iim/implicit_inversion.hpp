@@ -60,8 +60,9 @@ public:
     bool finite = false;
     if (pass.fits(q.derived(), qd.derived())) {
       pass.out_and_in(q.derived(), qd.derived(), [] {});
-      if constexpr (detail::lane_count<Scalar> >
-                    1) {  // several states wait for nothing: one by one the loops take 2 % less
+      // Of several states the loops take 2 % less one after the other: they wait for nothing.
+      constexpr bool waits = detail::lane_count<Scalar> != 1;
+      if constexpr (waits) {
         if (use_product() &&
             result_.status_on(*inputs_, pass.receipt().status_on(inputs_->tree())) != Status::mismatch) {
           auto Bhat = result_.Bhat(inputs_->columns());

@@ -355,10 +355,10 @@ protected:
   {
     const Step& step = steps_[at(node.index)];
     const Index depth = node.path_v + (own ? n_i : 0), frame = own ? node.frame : node.inlet;
+    std::optional<bool> carried;  // whether as shared
     for (std::size_t k = step.projections; k < step.projections_end; ++k) {
       const Input<Scalar>& input = inputs_.inputs().block(projections_[k].block);
       if (input.kind != InputKind::motor) { continue; }
-      unit_rows_.carry_inward(ws, frame, own);
       Scalar* beta = row(first_beta_ + projections_[k].column);
       for (Index j = 0; j < input.size; ++j, beta += depth_) {
         if (!own) { std::fill(beta, beta + node.path_v + n_i, Scalar(0)); }
@@ -366,6 +366,9 @@ protected:
           const Scalar& Bbar = ws.Bbar()(input.bbar + j * n_i + d);
           const std::optional<OpposedWrenches<Scalar>> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
           if (wrenches) {
+            const bool shared = own && wrenches->is_shared;
+            if (carried != shared) { unit_rows_.carry_inward(ws, frame, shared); }
+            carried = shared;
             add_on_rows(ws, frame, (own ? wrenches->on_frame : wrenches->on_inlet) * Bbar, beta, depth);
           } else if (own) {
             for (Index a = 0; a < depth; ++a) { beta[a] += row(input.v + d)[a] * Bbar; }

@@ -197,7 +197,7 @@ protected:
         if (size == Scalar(0)) { continue; }
         const std::optional<OpposedWrenches<Scalar>> wrenches = opposed_wrenches(node, S, n_i, d, r, ws);
         if (!wrenches) { continue; }
-        put_on(wrenches->frame, wrenches->on_frame * size, ws, l, true);
+        put_on(wrenches->frame, wrenches->on_frame * size, ws, l, wrenches->is_shared);
         put_on(wrenches->inlet, wrenches->on_inlet * size, ws, l);
         entry(load, l) = Scalar(0);
       }

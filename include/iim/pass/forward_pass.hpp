@@ -94,7 +94,8 @@ protected:
     if (!(step_ >= Scalar(0)) || !detail::is_finite(step_)) { diagnosis_.fail(Status::invalid_state, -1); }
   }
 
-  /// Where small pivots lacked inertias that frames share places for. asked: what OneByOne said before the pass.
+  /// Whether the pass must start over, since a small pivot needs inertias that have been overwritten: those of frames
+  /// that share memory (SharedPlaces). asked: what OneByOne said before the pass.
   bool begins_again([[maybe_unused]] bool asked)
   {
     if constexpr (is_several<Scalar>) {

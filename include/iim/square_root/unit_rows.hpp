@@ -33,6 +33,7 @@ template <class Scalar>
 struct OpposedWrenches {
   Index frame, inlet;
   Vector6<Scalar> on_frame, on_inlet;  ///< at their coupling points
+  bool is_shared = false;              ///< with rotors, if the rows of the frame's body carry w
 };
 
 /// Orthonormal columns.
@@ -85,6 +86,33 @@ template <class Workspace>
   return most;
 }
 
+/// From w, w·unit for a load of 1, to what rotors leave of it to the bodies: whether there are any, and rows carry what
+/// is left. What the joint holds, k with k·S = 0, is added so that an inlet that is a rod does not have to carry the
+/// rotors' moment along what it does without inertia.
+template <class Workspace>
+[[gnu::cold]] bool leave_to_bodies(const Node& node, const Vector6<typename Workspace::Scalar>& S,
+                                   const Vector3<typename Workspace::Scalar>& r, const typename Workspace::Scalar& unit,
+                                   const Workspace& ws, Vector6<typename Workspace::Scalar>& w)
+{
+  using Scalar = typename Workspace::Scalar;
+  const RowTape<Scalar>& tape = ws.tape(node.index);
+  if (tape.of_bodies == Scalar(1) || !ScalarTraits<Scalar>::is_positive(tape.of_bodies)) { return false; }
+  Vector6<Scalar> k = Vector6<Scalar>::Zero();
+  const Vector6<Scalar> on_inlet = idle_motion(node.inlet, ws), still = shift_twist(r, on_inlet);
+  const Scalar turned = tape.of_rotors.dot(on_inlet.template tail<3>());
+  if (!(turned == Scalar(0))) {
+    OrthonormalTwists<Scalar> held;
+    held.add(S, Scalar(0));
+    held.add(idle_motion(node.frame, ws), Scalar(1e-6));
+    k = held.beyond(held.beyond(still));
+    const Scalar size = k.dot(still);
+    if (!ScalarTraits<Scalar>::is_positive(size - Scalar(1e-3) * still.squaredNorm())) { return false; }
+    k = k * Scalar(turned / size);
+  }
+  w = w * Scalar(unit * tape.of_bodies) - k;
+  return true;
+}
+
 /// The load of W on the inlet, W S = 1, is a difference of what acts on the bodies beyond. Where light ones further
 /// inward move freely along it (HeavyFrames::is_between), these two go through Q instead, as wrenches of inputs do. (A
 /// base of 10⁻⁶ of the limb that hangs on it by a universal joint: the column of the next motor 10⁷ ε without this.)
@@ -97,7 +125,7 @@ template <class Workspace>
 {
   using Scalar = typename Workspace::Scalar;
   const auto column = [S](int e) -> Vector6<Scalar> { return Eigen::Map<const Vector6<Scalar>>(S + 6 * e); };
-  OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, column(d), {}};
+  OpposedWrenches<Scalar> wrenches{node.frame, node.inlet, column(d), {}, false};
   Vector6<Scalar>& w = wrenches.on_frame;
   OrthonormalTwists<Scalar> others;
   for (int e = 0; e < n_i; ++e) {
@@ -114,14 +142,17 @@ template <class Workspace>
   const Vector6<Scalar> carried = others.beyond(w);
   const Scalar left = carried.squaredNorm() - Scalar(1e-3) * w.squaredNorm();
   if (ScalarTraits<Scalar>::is_positive(left)) { w = carried; }
-  const RowTape<Scalar>& tape = ws.tape(node.index);
-  const bool shared = n_i == 1 && !(tape.of_bodies == Scalar(1));
-  if (shared && !(ScalarTraits<Scalar>::is_positive(left) && ScalarTraits<Scalar>::is_positive(tape.of_bodies))) {
-    return std::nullopt;
+  const Scalar unit = Scalar(1) / w.dot(column(d));
+  if (n_i == 1 && ScalarTraits<Scalar>::is_positive(left)) {
+    wrenches.is_shared = leave_to_bodies(node, column(0), r, unit, ws, w);
   }
-  w = w * Scalar((shared ? tape.of_bodies : Scalar(1)) / w.dot(column(d)));
-  wrenches.on_inlet = -shift_wrench(r, w);
-  if (shared) { wrenches.on_inlet.template tail<3>() -= tape.of_rotors; }
+  if (wrenches.is_shared) {
+    wrenches.on_inlet = -shift_wrench(r, w);
+    wrenches.on_inlet.template tail<3>() -= ws.tape(node.index).of_rotors;
+  } else {
+    w = w * unit;
+    wrenches.on_inlet = -shift_wrench(r, w);
+  }
   return wrenches;
 }
 
