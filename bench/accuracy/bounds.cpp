@@ -13,7 +13,7 @@ namespace bench {
 
 namespace {
 
-template <class Scalar, iim::Update update, template <class> class Method>
+template <class Scalar, iim::Update update, class Method>
 class Tier {
 public:
   Tier(const AccuracyScene& scene, const iim::StandardAssembly<Scalar>& parts)
@@ -29,10 +29,10 @@ private:
   const Tree<Scalar> tree_;
   iim::Inputs<Tree<Scalar>> inputs_;
   iim::Workspace<Tree<Scalar>, update> workspace_;
-  Method<Tree<Scalar>> method_;
+  Method method_;
 };
 
-using Precision = Tier<long double, iim::Update::square_root, iim::UnitForce>;
+using Precision = Tier<long double, iim::Update::square_root, iim::UnitForce<Tree<long double>>>;
 
 struct Pair {
   double Bhat = 0;
@@ -61,7 +61,7 @@ Bound::Tier worst_of(const AccuracyScene& scene, const iim::StandardAssembly<Sca
                      const std::vector<Reference>& exact)
 {
   const std::vector<State<double>>& states = scene.states;
-  Tier<Scalar, update, iim::ImplicitInversion> tier(scene, parts);
+  Tier<Scalar, update, iim::ImplicitInversion<Tree<Scalar>>> tier(scene, parts);
   Bound::Tier worst;
   const auto put = [](Bound::Worst& w, double error, int k) {
     if (!(error <= w.error)) {
