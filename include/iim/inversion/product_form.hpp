@@ -156,7 +156,7 @@ protected:
                                         const Step& step, const Scalar* const inlet)
   {
     constexpr int n_i = S::n_i;
-    constexpr bool apart = one_column<S, Workspace>;
+    constexpr bool keeps_v = one_column<S, Workspace>;
     constexpr bool free_root = is_free<S>() && Workspace::update == Update::square_root;
     const Index depth = depth_, needed = step.needed, own = step.own, own_from = step.own_from;
     Scalar* const L_rows = rows_.data() + step.L;
@@ -175,9 +175,9 @@ protected:
         }
       }
       std::array<Strip, n_i> moves = l;  // what the frames move by: a free one does not follow the ancestors' columns
-      constexpr bool may_share = shares_motion<S, Workspace>;
-      [[maybe_unused]] Strip undone[may_share && n_i > 1 ? n_i : 1];  // of q̈, against the inlet's rate along S
-      if constexpr (may_share) {
+      constexpr bool shares = shares_motion<S, Workspace>;
+      [[maybe_unused]] Strip undone[shares && n_i > 1 ? n_i : 1];  // of q̈, against the inlet's rate along S
+      if constexpr (shares) {
         for (Strip& of_velocity : undone) { of_velocity = Strip::Zero(); }
       }
       [[maybe_unused]] Strip slip = Strip::Zero();
@@ -190,7 +190,7 @@ protected:
           if (ws.root(node.inlet).keeps_v) {
             const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
             const Strip inlet_rate = add_rate(inlet + components * a, shared.difference, y);
-            if constexpr (may_share) {
+            if constexpr (shares) {
               for (int d = 0; d < n_i; ++d) { undone[d] = shared.undone(d) * inlet_rate; }
             }
             slip = shared.slip * inlet_rate;
@@ -202,8 +202,8 @@ protected:
         if constexpr (is_free<S>()) { y.fill(Strip::Zero()); }
       }
       if constexpr (!is_free<S>()) { moves = l; }
-      if constexpr (apart) { store(frames[0] + components * a + rate * lanes, l[0] + slip); }
-      if constexpr (may_share) {
+      if constexpr (keeps_v) { store(frames[0] + components * a + rate * lanes, l[0] + slip); }
+      if constexpr (shares) {
         for (int d = 0; d < n_i; ++d) { l[at(d)] -= undone[d]; }
       }
       for (int d = 0; d < n_i; ++d) { store(L_rows + d * depth + a, l[at(d)]); }
@@ -221,7 +221,7 @@ protected:
       for (int k = 0; k < S::n_frames; ++k) {
         for (int c = 0; c < 6; ++c) {
           Strip h = y[at(c)];
-          if (!apart && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
+          if (!keeps_v && (c < 3 ? S::pattern.linear : S::pattern.angular)) {
             for_each_velocity<n_i, Scalar>(
                 [&](int d) __attribute__((always_inline)) { h += state.S_k[at(k)](c, d) * moves[at(d)]; });
           }

@@ -58,8 +58,8 @@ protected:
   {
     constexpr int n_i = S::n_i;
     if (reach_[at(node.index)] != acted) { return; }
-    constexpr bool apart = one_column<S, Workspace>;
-    constexpr bool several = shares_motion<S, Workspace> && !apart;
+    constexpr bool keeps_v = one_column<S, Workspace>;
+    constexpr bool several = shares_motion<S, Workspace> && !keeps_v;
     [[maybe_unused]] Lane share = zero();  // S_iᵀ p' on the inlet's S
     [[maybe_unused]] Lane shares[several && n_i > 1 ? n_i : 1];
     const FreeLimb<Scalar>* limb = nullptr;
@@ -85,9 +85,9 @@ protected:
       std::array<Lane, n_i> tau;
       for_each_velocity<n_i, Scalar>([&](auto d) __attribute__((always_inline)) {
         tau[d] = rows_[at(node.v + d)];
-        if constexpr (apart || follows_free_axis<S, Workspace>) { share = -tau[0]; }
+        if constexpr (keeps_v || follows_free_axis<S, Workspace>) { share = -tau[0]; }
         if constexpr (several) { shares[d] = -tau[d]; }
-        if constexpr (apart) {
+        if constexpr (keeps_v) {
           tau[0] += along_[at(node.frame)];
         } else {
           unrolled<S::n_frames>([&](auto k) __attribute__((always_inline)) {
@@ -125,7 +125,7 @@ protected:
       if (ws.root(node.inlet).keeps_v) {
         const SharedAxis<Scalar>& shared = ws.shared_axis(node.index);
         Lane& sum = along_[at(node.inlet)];
-        if constexpr (apart) { sum += share * shared.undone(0) + along_[at(node.frame)] * shared.slip; }
+        if constexpr (keeps_v) { sum += share * shared.undone(0) + along_[at(node.frame)] * shared.slip; }
         if constexpr (several) {
           for (int d = 0; d < n_i; ++d) { sum += shares[d] * shared.undone(d); }
         }
@@ -159,11 +159,11 @@ protected:
       if (!guided) { return; }
       reach = carried;
     }
-    constexpr bool apart = one_column<S, Workspace>;
+    constexpr bool keeps_v = one_column<S, Workspace>;
     // Of q̈, against the inlet's rate along the same motion.
     constexpr bool shares = shares_motion<S, Workspace>;
     [[maybe_unused]] Lane undone[shares && n_i > 1 ? n_i : 1];
-    if constexpr (apart || shares || follows_free_axis<S, Workspace>) {
+    if constexpr (keeps_v || shares || follows_free_axis<S, Workspace>) {
       for (Lane& of_velocity : undone) { of_velocity = zero(); }
     }
     [[maybe_unused]] Lane slip = zero();
@@ -204,7 +204,7 @@ protected:
       if (guided) {
         unrolled<6>([&](auto c) __attribute__((always_inline)) { row -= y[5 - c] * state.W.coeff(d, 5 - c); });
         rows_[at(node.v + d)] = row;
-        if (apart || limb != nullptr) {
+        if (keeps_v || limb != nullptr) {
           rows_[at(node.v)] -= undone[0];
           row += slip;
         } else if constexpr (shares) {
@@ -225,7 +225,7 @@ protected:
     }
     // V̇ = y + S (M̄_R⁻¹ τ − W y) with S W = 1: the guidance does not reach the frame.
     if constexpr (is_free<S>()) { clear(y); }
-    if constexpr (apart) {
+    if constexpr (keeps_v) {
       copy(y, moving_[at(buffers_[node.frame])]);
       along_[at(node.frame)] = qdd[0];
       return;
