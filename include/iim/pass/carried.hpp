@@ -89,7 +89,7 @@ template <class Scalar>
   all.h += TriplePair<Scalar>(f.inertia().h.data());
 }
 
-/// For who looks at it: FrameState::A and h.
+/// For who looks at it: FrameInertia::A and h.
 template <class Scalar>
 [[gnu::always_inline]] inline void keep(const Carried<Scalar>& all, FrameState<Scalar>& f)
 {

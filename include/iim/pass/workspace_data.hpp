@@ -55,7 +55,7 @@ public:
     return keeps_inlet_axes(node.index) ? state.R : frame(node.inlet).R;
   }
 
-  /// N of what frame f carries; with Update::square_root, in place of FrameState::A.
+  /// N of what frame f carries; with Update::square_root, in place of FrameInertia::A.
   detail::RootInertia<Scalar>& root(Index f) { return root_[static_cast<std::size_t>(f)]; }
   const detail::RootInertia<Scalar>& root(Index f) const { return root_[static_cast<std::size_t>(f)]; }
   /// The rows on frame f, from when the first of its children hands them on until its own subsystem has.
@@ -92,7 +92,7 @@ public:
     for (RowTape<Scalar>& tape : frame_tapes_) { tape.clear(); }
   }
 
-  /// Axes of FrameState::A and h, with the other updates.
+  /// Axes of FrameInertia::A and h, with the other updates.
   detail::ParallelAxes<Scalar>& axes() { return axes_; }
   const detail::ParallelAxes<Scalar>& axes() const { return axes_; }
 
