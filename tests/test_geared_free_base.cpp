@@ -6,6 +6,7 @@
 
 #include <iim/iim.hpp>
 #include <iim/subsystem/joint_more.hpp>
+#include <iim/subsystem/sprung.hpp>
 
 #include <cmath>
 #include <limits>
@@ -18,7 +19,8 @@ using iim::test::keep_worst;
 
 namespace {
 
-using Parts = Assembly<FloatingBase<double>, SphericalLink<double>, MotorArm<double>, RevoluteLink<double>>;
+using Parts = Assembly<FloatingBase<double>, SphericalLink<double>, MotorArm<double>, RevoluteLink<double>,
+                       Sprung<RevoluteLink<double>>>;
 using Tree = Parts::Tree;
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
@@ -126,6 +128,29 @@ TEST_CASE("square root: a small free base stays where a far centre of mass does 
     CHECK(std::abs(result.qdd0()(3)) < 64 * eps * result.qdd0().norm());  // both are 0; without: 500, 3000, 2e4
     CHECK(std::abs(result.qdd0()(7)) < 64 * eps * result.qdd0().norm());
   }
+}
+
+TEST_CASE("springs of an implicit step leave nothing to the pass after it")
+{
+  Parts parts;
+  parts.add("base", {}, FloatingBase<double>{ball_of(1e-3, 1e-6)});
+  parts.add("ball", {.parent = "base"}, SphericalLink<double>{{}, ball_of(1.8, 0.01)});
+  Sprung<RevoluteLink<double>> arm{{{}, ball_of(1.1, 0.0047)}};
+  arm.stiffness(0) = 1e6;
+  parts.add("arm", {.parent = "ball"}, arm);
+  const Tree tree(parts);
+  Inputs inputs(tree, Start::empty);
+  inputs.add_motor("arm");
+  const VectorX<double> q = neutral(tree), qd = VectorX<double>::Zero(tree.n_v());
+  Workspace<Tree, Update::square_root> ws(tree), fresh(tree);
+  ImplicitInversion method(tree, inputs), other(tree, inputs);
+  REQUIRE(method(implicit_step(q, qd, 0.01, ws)).ok());
+  const auto after = method(q, qd, ws);
+  const auto expected = other(q, qd, fresh);
+  REQUIRE(after.ok());
+  CHECK(after.Bhat == expected.Bhat);
+  // I q̈ + I ω̇ = 1 and (I_ball + I) ω̇ + I q̈ = 0. (With the springs' share −0.005.)
+  CHECK(std::abs(after.Bhat(8, 0) + 1 / 0.01) < 32 * eps * 100);
 }
 
 }  // namespace test_geared_free_base

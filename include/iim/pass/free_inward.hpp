@@ -113,7 +113,7 @@ template <Scene scene, class S, class Workspace>
   // A rotor adds J gᵀg, g = (0, aᵀ, e); z = (0; a) − Wᵀ e is what of it follows the guidance, and Σ J (zᵀS) z of all,
   // with zᵀS written as what it is for W S = 1, is A' S. Of geared rotors next to nothing is left of z as a difference:
   // M̄_R z = (0; a) SᵀU − U e + Σ J_j e_j (a e_j − a_j e) over the other rotors, and springs. (Gear 1000, 10⁻³ kg m² on
-  // a link of 10⁻³: its motor's column 222 ε as a difference.)
+  // a link of 10⁻³: the column of a moment on the base 222 ε as a difference.)
   struct Within {
     Scalar J, e;
     Triple<Scalar> a;

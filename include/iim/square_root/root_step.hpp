@@ -355,9 +355,10 @@ private:
     return regular;
   }
 
-  /// Σ J e a over the rotors.
+  /// Σ J e a over the rotors. Of no rotors, and no springs if the step is not implicit, the bodies take all.
   [[gnu::always_inline]] void sum_within(RowTape<Scalar>& tape) const
   {
+    tape.of_bodies = Scalar(1);
     tape.of_rotors.setZero();
     for (int k = 0; k < joint_.left.count; ++k) {
       const SingleRow<Scalar>& row = joint_.left.row[static_cast<std::size_t>(k)];

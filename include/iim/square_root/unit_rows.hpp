@@ -146,13 +146,9 @@ template <class Workspace>
   if (n_i == 1 && ScalarTraits<Scalar>::is_positive(left)) {
     wrenches.is_shared = leave_to_bodies(node, column(0), r, unit, ws, w);
   }
-  if (wrenches.is_shared) {
-    wrenches.on_inlet = -shift_wrench(r, w);
-    wrenches.on_inlet.template tail<3>() -= ws.tape(node.index).of_rotors;
-  } else {
-    w = w * unit;
-    wrenches.on_inlet = -shift_wrench(r, w);
-  }
+  if (!wrenches.is_shared) { w = w * unit; }
+  wrenches.on_inlet = -shift_wrench(r, w);
+  if (wrenches.is_shared) { wrenches.on_inlet.template tail<3>() -= ws.tape(node.index).of_rotors; }
   return wrenches;
 }
 
