@@ -46,29 +46,35 @@ Arm arm(double load)
   return arm;
 }
 
-/// Nine geared screws along one direction that lies obliquely in the world, each body three times the one before.
 using Screws = Assembly<MotorArmOn<Helical<double>>>;
+
+/// One more geared screw on the last of them, its body `size` times as heavy as others.
+void add_screw(const test::Vec3& axis, double size, double least_gear, double most_gear, double rotor,
+               test::Random& random, Attachment<double>& on, Screws& screws)
+{
+  MotorArmOn<Helical<double>> screw;
+  screw.joint.axis = axis;
+  screw.joint.lead = random.uniform(-0.1, 0.1);
+  screw.body = random.body();
+  screw.body.mass *= size;
+  screw.body.inertia *= size;
+  screw.motor.gear_ratio = random.uniform(least_gear, most_gear);
+  screw.motor.axial_inertia = rotor;
+  screw.motor.axis = random.unit();
+  on.p = random.vector(0.4);
+  const std::string name = "screw" + std::to_string(screws.parts().size());
+  screws.add(name, on, screw);
+  on.parent = name;
+}
+
+/// Nine geared screws along one direction that lies obliquely in the world, each body three times the one before.
 Screws screws(test::Random& random)
 {
   Screws screws;
   Attachment<double> on;
   const test::Vec3 axis = random.unit();
   double size = 1;
-  for (int k = 0; k < 9; ++k, size *= 3) {
-    MotorArmOn<Helical<double>> screw;
-    screw.joint.axis = axis;
-    screw.joint.lead = random.uniform(-0.1, 0.1);
-    screw.body = random.body();
-    screw.body.mass *= size;
-    screw.body.inertia *= size;
-    screw.motor.gear_ratio = random.uniform(-2, 2);
-    screw.motor.axial_inertia = 1e-6;
-    screw.motor.axis = random.unit();
-    on.p = random.vector(0.4);
-    const std::string name = "screw" + std::to_string(k);
-    screws.add(name, on, screw);
-    on.parent = name;
-  }
+  for (int k = 0; k < 9; ++k, size *= 3) { add_screw(axis, size, -2, 2, 1e-6, random, on, screws); }
   return screws;
 }
 
@@ -142,21 +148,7 @@ Screws loaded_screws(double load, test::Random& random)
 {
   Screws screws;
   Attachment<double> on;
-  for (int k = 0; k < 7; ++k) {
-    MotorArmOn<Helical<double>> screw;
-    screw.joint.axis = random.unit();
-    screw.joint.lead = random.uniform(-0.1, 0.1);
-    screw.body = random.body();
-    screw.body.mass *= k == 6 ? load : 1;
-    screw.body.inertia *= k == 6 ? load : 1;
-    screw.motor.gear_ratio = random.uniform(5, 50);
-    screw.motor.axial_inertia = 1e-5;
-    screw.motor.axis = random.unit();
-    on.p = random.vector(0.4);
-    const std::string name = "screw" + std::to_string(k);
-    screws.add(name, on, screw);
-    on.parent = name;
-  }
+  for (int k = 0; k < 7; ++k) { add_screw(random.unit(), k == 6 ? load : 1, 5, 50, 1e-5, random, on, screws); }
   return screws;
 }
 

@@ -15,8 +15,8 @@ namespace iim::detail {
 /// Whether a body weighs `times` as much as one further inward: its mass at the longest lever within the robot, and
 /// its moments. (By the mass alone a flywheel on light links has q̈₀ of as many ε as it is heavier than they are.)
 /// of_free: of a free body its moments alone, by which it takes what passes at a lever. (Square root: a free base as
-/// heavy as its limb's links, small as a fist, a link's centre 3 m away: q̈₀ 600 ε without. Not in the default form: a UR5
-/// on such a base would take 36 % longer, and lost nothing.)
+/// heavy as its limb's links, small as a fist, a link's centre 3 m away: q̈₀ 600 ε without. Not in the default form: a
+/// UR5 on such a base would take 36 % longer, and lost nothing.)
 template <class Scalar>
 [[gnu::cold]] bool is_heavier(const TreeData<Scalar>& tree, int times, bool of_free)
 {
