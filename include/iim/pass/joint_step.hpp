@@ -5,7 +5,7 @@
 #include <iim/numerics/spd.hpp>
 #include <iim/pass/articulated_inertia.hpp>
 #include <iim/pass/carried.hpp>
-#include <iim/pass/free_inward.hpp>
+#include <iim/pass/free_limb.hpp>
 #include <iim/pass/internal_inertia.hpp>
 #include <iim/pass/kinematics.hpp>
 #include <iim/pass/mended_compound.hpp>
